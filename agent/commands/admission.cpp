@@ -98,6 +98,19 @@ std::string why_expired(const Command& command) {
   return text;
 }
 
+/// Returns why the PLC must not be switched; otherwise sets the request that switches it.
+std::optional<Refusal> prepare_run_or_stop(const Codec& codec, const CommandRules& rules, Op op,
+                                           std::optional<Request>& request) {
+  const PlcServices* plc = codec.plc();
+  if (plc == nullptr) return refuse(Reason::bad_op, "this protocol has no run and stop");
+  if (!rules.allow_run_stop)
+    return refuse(Reason::not_allowed, "allow_run_stop is not set for this device");
+  request = plc->run_request(op == Op::run);
+  if (const auto frame = codec.encode(*request, 0); !frame)
+    return refuse(Reason::bad_op, frame.error().text);
+  return std::nullopt;
+}
+
 /// Prepares a result for the memory of ids, if there is no journal. Whoever asked has it then, and
 /// topic and correlation can be 64 KiB of the sender's data.
 std::shared_ptr<const CommandResult> kept(CommandResult result) {
@@ -162,16 +175,7 @@ CommandAdmission::Decision CommandAdmission::admit(Command command,
   } else if (!command.op) {
     why = refuse(Reason::bad_op, "op must be one of write, force_on, force_off, read, run, stop");
   } else if (is_run_or_stop(*command.op)) {
-    const PlcServices* plc = codec.plc();
-    if (plc == nullptr)
-      why = refuse(Reason::bad_op, "this protocol has no run and stop");
-    else if (!rules.allow_run_stop)
-      why = refuse(Reason::not_allowed, "allow_run_stop is not set for this device");
-    else
-      admitted.run_request = plc->run_request(*command.op == Op::run);
-    if (admitted.run_request)
-      if (const auto frame = codec.encode(*admitted.run_request, 0); !frame)
-        why = refuse(Reason::bad_op, frame.error().text);
+    why = prepare_run_or_stop(codec, rules, *command.op, admitted.run_request);
   }
   admitted.command = std::move(command);
   const Command& cmd = admitted.command;
@@ -190,17 +194,8 @@ CommandAdmission::Decision CommandAdmission::admit(Command command,
       remember_refused(cmd, result, now);
       return result;
     }
-    if (waiting >= rules.queue)
-      why = refuse(Reason::queue_full,
-                   std::to_string(waiting) + " commands are waiting for this device");
-    else if (!(admitted.place = shared_->take(cmd.device, kAdmittedToCommand * memory_of(cmd))))
-      why = refuse(Reason::queue_full, "the waiting commands already take " +
-                                           std::to_string(shared_->bytes() >> 20) + " MiB");
-    else if (!ids_.make_room(now))
-      why = refuse(Reason::queue_full,
-                   "the memory of command ids is full, and no id in it has expired");
-    else if (!shared_->conflict.empty())
-      why = refusal_of_conflict(shared_->conflict);
+    why = take_room(cmd, waiting, admitted.place, now);
+    if (!why && !shared_->conflict.empty()) why = refusal_of_conflict(shared_->conflict);
   }
   if (why) return rejected(cmd, *why);
   if (cmd.dry_run) {
@@ -217,6 +212,21 @@ CommandAdmission::Decision CommandAdmission::admit(Command command,
   admitted.verify_words = cmd.verify.value_or(rules.verify);
   admitted.verify_bits = cmd.verify.value_or(false);
   return admitted;
+}
+
+std::optional<Refusal> CommandAdmission::take_room(const Command& command, std::size_t waiting,
+                                                   SharedAdmission::Place& place, SteadyTime now) {
+  if (waiting >= device_->commands.queue)
+    return refuse(Reason::queue_full,
+                  std::to_string(waiting) + " commands are waiting for this device");
+  place = shared_->take(command.device, kAdmittedToCommand * memory_of(command));
+  if (!place)
+    return refuse(Reason::queue_full, "the waiting commands already take " +
+                                          std::to_string(shared_->bytes() >> 20) + " MiB");
+  if (!ids_.make_room(now))
+    return refuse(Reason::queue_full,
+                  "the memory of command ids is full, and no id in it has expired");
+  return std::nullopt;
 }
 
 std::optional<Refusal> CommandAdmission::resolve(const Codec& codec, AdmittedCommand& admitted,

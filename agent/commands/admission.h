@@ -71,6 +71,9 @@ class CommandAdmission final {
  private:
   /// Remembers the id of a command that was not admitted, if it has one and is no dry run.
   void remember_refused(const Command& command, const CommandResult& result, SteadyTime now);
+  /// Takes the command's share of all that is limited, or returns why there is no room.
+  std::optional<Refusal> take_room(const Command& command, std::size_t waiting,
+                                   SharedAdmission::Place& place, SteadyTime now);
   /// Fills admitted.targets, or returns the check that failed.
   std::optional<Refusal> resolve(const Codec& codec, AdmittedCommand& admitted,
                                  std::vector<TargetResult>& out);
