@@ -103,15 +103,14 @@ void write_verification(Writer& out, const std::optional<Verification>& verify) 
   out.key("match").boolean(verify->match).end_object();
 }
 
-void write_outcome(Writer& out, CommandStatus status, Reason reason, std::string_view detail,
-                   PlcAnswer plc, const std::optional<Progress>& progress) {
-  out.key("status").string(to_string(status));
-  out.key("reason").word(to_string(reason));
-  out.key("detail").word(detail);
-  out.key("plc").word(to_string(plc));
-  if (!progress) return;
-  out.key("done").integer(std::int64_t{progress->done});
-  out.key("of").integer(std::int64_t{progress->of});
+void write_outcome(Writer& out, const CommandOutcome& outcome) {
+  out.key("status").string(to_string(outcome.status));
+  out.key("reason").word(to_string(outcome.reason));
+  out.key("detail").word(outcome.detail);
+  out.key("plc").word(to_string(outcome.plc));
+  if (!outcome.progress) return;
+  out.key("done").integer(std::int64_t{outcome.progress->done});
+  out.key("of").integer(std::int64_t{outcome.progress->of});
 }
 
 /// `target` null: the command has none, or none could be parsed.
@@ -130,14 +129,14 @@ void write_result(Writer& out, const CommandResult& result) {
   out.begin_object();
   out.key("id");
   result.id_is_number ? out.raw(result.id) : out.word(result.id);
-  write_outcome(out, result.status, result.reason, result.detail, result.plc, result.progress);
+  write_outcome(out, result);
   out.key("op").word(result.op);
   if (result.is_list) {
     out.key("targets").begin_array();
     for (const TargetResult& target : result.targets) {
       out.begin_object();
       write_target(out, &target);
-      write_outcome(out, target.status, target.reason, target.detail, target.plc, target.progress);
+      write_outcome(out, target);
       out.key("verify");
       write_verification(out, target.verify);
       out.end_object();
