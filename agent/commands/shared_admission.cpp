@@ -44,6 +44,10 @@ struct Known {
   SteadyTime seen{};
   SteadyTime deadline{};
 };
+bool is_old(const Known& known, SteadyTime now) {
+  return now > known.deadline && now - known.seen >= kRememberedFor;
+}
+
 using KnownOnes = boost::multi_index_container<
     Known,
     boost::multi_index::indexed_by<boost::multi_index::sequenced<>,
@@ -72,13 +76,11 @@ bool IdFingerprints::has(std::string_view device, std::string_view id, SteadyTim
   if (all_->empty()) return false;
   const auto& by_print = all_->get<1>();
   const auto found = by_print.find(print_of(device, id));
-  return found != by_print.end() && !(now > found->deadline && now - found->seen >= kRememberedFor);
+  return found != by_print.end() && !is_old(*found, now);
 }
 
 bool IdFingerprints::make_room(SteadyTime now) {
-  while (!all_->empty() && now > all_->front().deadline &&
-         now - all_->front().seen >= kRememberedFor)
-    all_->pop_front();
+  while (!all_->empty() && is_old(all_->front(), now)) all_->pop_front();
   if (all_->size() < most_) return true;
   if (now <= earliest_deadline_) return false;
   SteadyTime earliest = SteadyTime::max();
