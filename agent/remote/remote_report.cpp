@@ -2,16 +2,14 @@
 
 #include <algorithm>
 #include <array>
-#include <nlohmann/json.hpp>
 #include <utility>
 
-#include "agent/text/json.h"
+#include "agent/text/json_writer.h"
 #include "agent/text/text.h"
 
 namespace fxagent {
 namespace {
 
-using OrderedJson = nlohmann::ordered_json;
 using State = RemoteReport::State;
 
 constexpr auto kStates =
@@ -22,10 +20,6 @@ static_assert(kStates.size() == static_cast<std::size_t>(State::rolled_back) + 1
 std::string cut(std::string text) {
   if (text.size() <= kMostErrorBytes) return text;
   return std::string(beginning(text, kMostErrorBytes)) + "…";
-}
-
-OrderedJson word(const std::string& text) {
-  return text.empty() ? OrderedJson(nullptr) : OrderedJson(text);
 }
 
 }  // namespace
@@ -51,7 +45,7 @@ RemoteReport make_report(State state, DesiredConfig desired, const ConfigErrors&
     ConfigError shown{cut(error.pointer), 0, cut(error.text)};
     if (shown.pointer.size() + shown.text.size() > kMostErrorBytes)
       shown = {"", 0, cut(text_of(shown))};
-    bytes += dumped(OrderedJson(text_of(shown))).size() + 1;
+    bytes += json::Writer().string(text_of(shown)).take().size() + 1;
     if (report.errors.size() == kMostReportedErrors || bytes > kMostReportedBytes) break;
     report.errors.push_back(std::move(shown));
   }
@@ -60,18 +54,14 @@ RemoteReport make_report(State state, DesiredConfig desired, const ConfigErrors&
 
 std::string reported_text(const RemoteReport& report, const std::string& hash,
                           const std::string& in_force, bool is_confirmed) {
-  OrderedJson out;
-  out["version"] = word(report.desired.version);
-  out["hash"] = hash;
-  out["state"] = to_string(report.state);
-  auto& errors = out["errors"] = OrderedJson::array();
-  for (const ConfigError& error : report.errors) errors.push_back(text_of(error));
-  out["errors_in_all"] = report.errors_in_all;
-  out["since"] = report.since_ms;
-  out["desired_hash"] = word(report.desired.hash);
-  out["in_force"] = word(in_force);
-  out["confirmed"] = is_confirmed;
-  return dumped(out);
+  json::Writer out;
+  out.begin_object().key("version").word(report.desired.version).key("hash").string(hash);
+  out.key("state").string(to_string(report.state)).key("errors").begin_array();
+  for (const ConfigError& error : report.errors) out.string(text_of(error));
+  out.end_array().key("errors_in_all").integer(std::uint64_t{report.errors_in_all});
+  out.key("since").integer(report.since_ms).key("desired_hash").word(report.desired.hash);
+  out.key("in_force").word(in_force).key("confirmed").boolean(is_confirmed);
+  return out.end_object().take();
 }
 
 void RemoteAnswer::resume(const KeptConfigs& kept) {
