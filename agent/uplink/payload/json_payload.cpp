@@ -60,8 +60,7 @@ void write_config_status(Writer& out, const ConfigStatus& status) {
   }
   out.key("remote");
   if (const auto& remote = status.remote) {
-    out.begin_object().key("version");
-    remote->version.empty() ? out.null() : out.string(remote->version);
+    out.begin_object().key("version").word(remote->version);
     out.key("state").string(remote->state).key("confirmed").boolean(remote->confirmed);
     out.end_object();
   } else {
