@@ -252,7 +252,7 @@ HomeAssistantProfile::HomeAssistantProfile(const Config& config, const ProfileCo
 void HomeAssistantProfile::add(std::uint32_t device) {
   const DeviceConfig& of = config_.devices[device];
   if (of.is_vacant() || components_of(of, writes_).empty()) return;
-  devices_[id_of(config_.base_topic() + "/" + of.name)] = device;
+  devices_[object_id(device)] = device;
   for (const TagConfig& tag : of.tags)
     if (tag.point.is_array && tag.point.count > kMostElements)
       log::warn("homeassistant",
@@ -260,6 +260,10 @@ void HomeAssistantProfile::add(std::uint32_t device) {
                  {"tag", std::string(tag.name)},
                  {"elements", std::to_string(tag.point.count)},
                  {"note", "Home Assistant gets the first " + std::to_string(kMostElements)}});
+}
+
+std::string HomeAssistantProfile::object_id(std::uint32_t device) const {
+  return id_of(config_.base_topic() + "/" + config_.devices.at(device).name);
 }
 
 std::string HomeAssistantProfile::topic_of(const std::string& object_id) const {
@@ -307,8 +311,7 @@ void HomeAssistantProfile::hear(const Message& message) {
 
 void HomeAssistantProfile::device_state(const DeviceStatus& status) {
   if (std::exchange(models_[status.device], status.model) == status.model) return;
-  const auto id = id_of(config_.base_topic() + "/" + config_.devices.at(status.device).name);
-  if (devices_.contains(id)) due_.insert(status.device);
+  if (devices_.contains(object_id(status.device))) due_.insert(status.device);
 }
 
 void HomeAssistantProfile::change(const ConfigChange& change) {
@@ -320,7 +323,7 @@ void HomeAssistantProfile::change(const ConfigChange& change) {
   }
   for (const std::uint32_t device : change.devices_begin) {
     add(device);
-    const std::string id = id_of(config_.base_topic() + "/" + config_.devices[device].name);
+    const std::string id = object_id(device);
     if (!devices_.contains(id)) continue;
     due_.insert(device);
     cleared_.erase(topic_of(id));
@@ -347,8 +350,7 @@ std::vector<Publication> HomeAssistantProfile::due(SteadyTime, std::int64_t) {
     const auto removed = removed_.extract(device);
     if (removed.empty()) due_.erase(device);
     due.push_back(discovery(device, removed.empty() ? Components{} : removed.mapped()));
-    described_[id_of(config_.base_topic() + "/" + config_.devices[device].name)] =
-        config_.devices[device];
+    described_[object_id(device)] = config_.devices[device];
   }
   return due;
 }
@@ -356,7 +358,7 @@ std::vector<Publication> HomeAssistantProfile::due(SteadyTime, std::int64_t) {
 Publication HomeAssistantProfile::discovery(std::uint32_t device, const Components& removed) const {
   const DeviceConfig& of = config_.devices[device];
   const std::string base = config_.base_topic() + "/" + of.name;
-  const std::string id = id_of(base);
+  const std::string id = object_id(device);
   // kBegin depends on the order.
   json::Writer out;
   out.begin_object().key("origin").begin_object().key("name").string("fxagent");

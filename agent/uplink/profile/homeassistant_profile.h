@@ -40,6 +40,7 @@ class HomeAssistantProfile final : public Profile {
   using Components = std::map<std::string, std::string>;
 
   void add(std::uint32_t device);
+  std::string object_id(std::uint32_t device) const;
   std::string topic_of(const std::string& object_id) const;
   Publication discovery(std::uint32_t device, const Components& removed) const;
 
