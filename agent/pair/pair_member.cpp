@@ -328,27 +328,31 @@ void PairMember::hear(const Message& message, BootTime now) {
     const std::lock_guard lock(mutex_);
     state_.heard_heartbeat(heartbeat->boot, heartbeat->seq, now);
   } else {
-    auto announcement = pair_messages::announcement_from(message.payload);
-    if (!announcement) return;
-    if (announcement->mark != 0) {
-      mark_came_ = mark_came_ || (announcement->boot == boot_ && announcement->mark == mark_);
-    } else if (announcement->boot != boot_ && journal_) {
-      JournalEntry& entry = announcement->entry;
-      if (announcement->answered) return journal_->keep_answered(entry);
-      // Its own topic may still have announcements of the process before this one.
-      if (!announcement->unanswered && place->member != pair_.member)
-        return journal_->keep_announced(std::move(entry), message.topic);
-      auto known = journal_->keep_unanswered(std::move(entry), message.topic);
-      if (known && known->acknowledged) reply(std::move(*known));
-    } else if (place->member != pair_.member && !announcement->unanswered) {
-      // This process was paused, and the other gateway has become active.
-      if (!announcement->answered)
-        save_heard(message.topic, pair_messages::announcement(*announcement));
-    } else if (announcement->boot != boot_ && announcement->unanswered) {
-      const std::lock_guard lock(mutex_);
-      if (agent_ && !leaving_)
-        agent_->take_unanswered(std::move(announcement->entry), message.topic);
-    }
+    if (auto announcement = pair_messages::announcement_from(message.payload))
+      hear_announcement(std::move(*announcement), place->member, message.topic);
+  }
+}
+
+void PairMember::hear_announcement(pair_messages::Announcement announcement,
+                                   const std::string& member, const std::string& topic) {
+  const bool is_of_this_process = announcement.boot == boot_;
+  JournalEntry& entry = announcement.entry;
+  if (announcement.mark != 0) {
+    mark_came_ = mark_came_ || (is_of_this_process && announcement.mark == mark_);
+  } else if (!is_of_this_process && journal_) {
+    if (announcement.answered) return journal_->keep_answered(entry);
+    // Its own topic may still have announcements of the process before this one.
+    if (!announcement.unanswered && member != pair_.member)
+      return journal_->keep_announced(std::move(entry), topic);
+    auto known = journal_->keep_unanswered(std::move(entry), topic);
+    if (known && known->acknowledged) reply(std::move(*known));
+  } else if (!announcement.unanswered) {
+    // This process was paused, and the other gateway has become active.
+    if (member != pair_.member && !announcement.answered)
+      save_heard(topic, pair_messages::announcement(announcement));
+  } else if (!is_of_this_process) {
+    const std::lock_guard lock(mutex_);
+    if (agent_ && !leaving_) agent_->take_unanswered(std::move(entry), topic);
   }
 }
 

@@ -27,6 +27,7 @@
 #include "agent/config/model.h"
 #include "agent/handover/line_permit.h"
 #include "agent/pair/announcements.h"
+#include "agent/pair/pair_messages.h"
 #include "agent/pair/pair_state.h"
 #include "agent/pair/standby_journal.h"
 #include "agent/store/store.h"
@@ -95,6 +96,8 @@ class PairMember final {
   void take_evicting_events(BootTime now);
   void drop_lease(BootTime now);
   void hear(const Message& message, BootTime now);
+  void hear_announcement(pair_messages::Announcement announcement, const std::string& member,
+                         const std::string& topic);
   void lease_ended(bool taken_over, BootTime now);
   void end_member_session();
   void save_heard(const std::string& where, const std::string& text);
