@@ -95,6 +95,8 @@ void compare_devices(const Config& running, ConfigChange& change) {
     const bool same = stays && before[i] == after[i];
     const bool goes_on = same || (stays && is_same_but_for_polls(before[i], after[i]));
     if (was && !goes_on) change.devices_end.push_back(i);
+    if (was && !(is && before[i].name == after[i].name))
+      change.devices_gone.push_back(before[i].name);
     if (is && !goes_on) change.devices_begin.push_back(i);
     if (!goes_on) continue;
     if (same) {

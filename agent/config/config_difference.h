@@ -22,6 +22,8 @@ struct ConfigChange {
   std::vector<std::uint32_t> links_end;
   /// Includes the devices of links that end.
   std::vector<std::uint32_t> devices_end;
+  /// Names of the devices that `config` has no more.
+  std::vector<std::string> devices_gone;
   // Indices in `config`, ascending. A changed link or device is in both lists.
   std::vector<std::uint32_t> links_begin;
   std::vector<std::uint32_t> devices_begin;

@@ -303,19 +303,14 @@ std::optional<std::vector<std::uint64_t>> Publisher::change(const ConfigChange& 
                                                             SteadyTime now) {
   is_changing_ = false;
   if (shutdown_.has_begun()) return std::nullopt;
-  std::set<std::string> gone;
-  for (const std::uint32_t device : change.devices_end)
-    gone.insert(std::as_const(config_).devices[device].name);
   config_ = change.config;
   std::vector<std::string> begin;
-  for (const std::uint32_t device : change.devices_begin) {
+  for (const std::uint32_t device : change.devices_begin)
     begin.push_back(change.config.devices[device].name);
-    gone.erase(begin.back());
-  }
   const std::vector<std::string> joined = commands_.change(change, now);
   joined_.insert(joined_.end(), joined.begin(), joined.end());
   states_.change(change);
-  retained_.change(change, gone);
+  retained_.change(change);
   samples_out_.change(change);
   for (Outlet* outlet : outlets_) outlet->change(change, now);
   status_.change(change);

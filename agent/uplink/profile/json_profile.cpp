@@ -1,6 +1,5 @@
 #include "agent/uplink/profile/json_profile.h"
 
-#include <algorithm>
 #include <chrono>
 #include <utility>
 
@@ -21,14 +20,7 @@ JsonProfile::JsonProfile(const Config& config, std::string boot, std::string ver
       since_ms_(since_ms),
       broker_(std::move(broker)),
       take_order_(std::move(take_order)),
-      states_(config.devices.size()) {
-  remember_names();
-}
-
-void JsonProfile::remember_names() {
-  names_.clear();
-  for (const DeviceConfig& device : config_.devices) names_.push_back(device.name);
-}
+      states_(config.devices.size()) {}
 
 std::vector<Subscription> JsonProfile::subscriptions() const {
   if (!take_order_) return {};
@@ -82,12 +74,11 @@ void JsonProfile::change(const ConfigChange& change) {
   for (const std::uint32_t i : change.devices_end) {
     metas_.erase(i);
     changed_.erase(i);
-    const auto stays = [&](const DeviceConfig& device) { return device.name == names_.at(i); };
-    if (!is_connected_ || std::ranges::any_of(config_.devices, stays)) continue;
-    for (const char* topic : {"/state", "/meta"})
-      others_.push_back(retained(config_.base_topic() + "/" + names_[i] + topic));
   }
-  remember_names();
+  if (is_connected_)
+    for (const std::string& name : change.devices_gone)
+      for (const char* topic : {"/state", "/meta"})
+        others_.push_back(retained(config_.base_topic() + "/" + name + topic));
   metas_.insert(change.devices_begin.begin(), change.devices_begin.end());
 }
 

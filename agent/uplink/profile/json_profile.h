@@ -44,7 +44,6 @@ class JsonProfile final : public Profile {
 
  private:
   void everything_is_due();
-  void remember_names();
 
   const Config& config_;
   JsonPayload payload_;
@@ -56,7 +55,6 @@ class JsonProfile final : public Profile {
   bool is_connected_ = false;
   bool is_refused_ = false;
   std::optional<SteadyTime> again_at_;  ///< all states are due again
-  std::vector<std::string> names_;      ///< of the devices, by index
   std::set<std::uint32_t> metas_;       ///< devices whose meta is due
   std::set<std::uint32_t> changed_;     ///< devices whose state is due
   std::deque<Publication> others_;      ///< results, and topics to clear

@@ -48,7 +48,7 @@ void RetainedState::everything_is_due() {
   }
 }
 
-void RetainedState::change(const ConfigChange& change, const std::set<std::string>& gone) {
+void RetainedState::change(const ConfigChange& change) {
   for (const std::uint32_t device : change.devices_end) forget(device);
   const std::string base = config_.base_topic() + "/";
   for (const std::uint32_t device : change.devices_begin) {
@@ -60,7 +60,7 @@ void RetainedState::change(const ConfigChange& change, const std::set<std::strin
     }
     due_[{Item::device_meta, device, {}}];
   }
-  for (const std::string& name : gone)
+  for (const std::string& name : change.devices_gone)
     for (const char* topic : {"/state", "/meta"}) clear(base + name + topic);
 }
 

@@ -68,9 +68,9 @@ class RetainedState final : public Outgoing::Sender {
 
   /// Adapts to a config change, as `config` and `states` have done already. Stops publishing what
   /// ends. Publishes the meta of what begins; its state follows when the field has reported it.
-  /// `gone` are the names of removed devices, whose topics are cleared: without a connection they
-  /// are found after the next connect.
-  void change(const ConfigChange& change, const std::set<std::string>& gone);
+  /// Clears the topics of removed devices: without a connection they are found after the next
+  /// connect.
+  void change(const ConfigChange& change);
 
   void pump(SteadyTime now);
   bool empty() const { return due_.empty(); }

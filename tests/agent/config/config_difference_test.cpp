@@ -147,6 +147,7 @@ TEST(ConfigDifference, PlaceOfWhatIsTakenOutIsVacantAndTheOthersKeepTheirs) {
   EXPECT_TRUE(change.config.links[0].is_vacant());
   EXPECT_TRUE(change.config.devices.shares(before.devices, 1));
   EXPECT_EQ(change.config.devices[1].link, 1U) << "though it is the first link of its file";
+  EXPECT_EQ(change.devices_gone, std::vector<std::string>{"press1"});
   EXPECT_EQ(to_string(change, before), "gone: 1 (press1), links ended: 1");
 }
 
@@ -162,6 +163,7 @@ TEST(ConfigDifference, NewDeviceTakesTheFirstVacantPlace) {
   EXPECT_EQ(change.config.devices[0].name, "oven");
   EXPECT_EQ(change.config.devices[1].name, "mixer");
   EXPECT_EQ(change.config.devices[2].name, "saw");
+  EXPECT_EQ(change.devices_gone, std::vector<std::string>{"press1"});
   EXPECT_EQ(to_string(change, before), "new: 2 (oven saw), gone: 1 (press1)");
 }
 
@@ -169,6 +171,7 @@ TEST(ConfigDifference, DeviceThatMovesToAnotherLinkBeginsAnew) {
   const ConfigChange change = after_change("/devices/1/link", "\"line1\"");
   EXPECT_EQ(change.devices_end, Indices{1});
   EXPECT_EQ(change.devices_begin, Indices{1});
+  EXPECT_TRUE(change.devices_gone.empty());
   EXPECT_EQ(change.config.devices[1].link, 0U);
 }
 
@@ -286,6 +289,10 @@ TEST(ConfigDifference, WhateverChangesNothingThatGoesOnMovesAndNothingIsForgotte
       const bool was = i < now.devices.size() && !std::as_const(now).devices[i].is_vacant();
       ASSERT_TRUE(begins.contains(i) || (was && !ends.contains(i))) << round;
     }
+    for (const DeviceConfig& each : std::as_const(now).devices)
+      ASSERT_EQ(std::ranges::count(change.devices_gone, each.name),
+                each.is_vacant() || names.contains(each.name) ? 0 : 1)
+          << round;
     // The change leads to the devices in the file.
     ASSERT_EQ(names.size(), wanted.devices.size()) << round;
     for (const DeviceConfig& each : wanted.devices) {
