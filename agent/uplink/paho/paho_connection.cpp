@@ -296,7 +296,7 @@ void PahoConnection::message_arrived(mqtt::const_message_ptr message) noexcept {
   try {
     Message event;
     event.received = std::chrono::steady_clock::now();
-    event.received_ms = utc_ms(std::chrono::system_clock::now());
+    event.received_ms = utc_now_ms();
     event.topic = message->get_topic();
     const bool is_config = event.topic.ends_with(kDesiredTopic);
     const std::size_t most = is_config ? std::max(max_payload_, kMaxDesiredBytes) : max_payload_;
