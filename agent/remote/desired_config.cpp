@@ -98,6 +98,12 @@ bool names_variable(std::string_view text) {
 /// Returns "/key", escaped.
 std::string token_of(const std::string& key) { return (Json::json_pointer() / key).to_string(); }
 
+struct Merged {
+  std::string text;
+  ConfigErrors errors;
+};
+
+/// Merges the document into the local file. What must not be set remotely stays as it is there.
 class Merger {
  public:
   Merger(Json local, const Json& document, const RemoteLimits& limits)
@@ -107,7 +113,7 @@ class Merger {
         limits_(limits),
         next_(local_) {}
 
-  MergedConfig run() {
+  Merged run() {
     put_body();
     std::set<std::string> sections;
     for (const Json* each : {&std::as_const(local_), &std::as_const(next_), &body_})
@@ -257,22 +263,17 @@ ReadDesired read_desired(std::string_view payload) {
   return out;
 }
 
-MergedConfig merged_config(std::string_view local_text, const DesiredConfig& desired,
-                           const RemoteLimits& limits) {
-  const Json document = parsed_json(desired.text);
-  Json local = parsed_json(local_text, /*ignore_comments=*/true);
-  if (local.is_discarded()) return {{}, {{"", 0, "the local file is not JSON any more"}}};
-  return Merger(std::move(local), document, limits).run();
-}
-
 tl::expected<Config, ConfigErrors> effective_config(std::string_view local_text,
                                                     const Config& local,
                                                     const DesiredConfig& desired,
                                                     const ParseConfig& parse,
                                                     const std::atomic<bool>* stop) {
-  MergedConfig merged = merged_config(local_text, desired, local.remote);
-  ConfigErrors errors = std::move(merged.errors);
-  auto config = parse(merged.text);
+  const Json document = parsed_json(desired.text);
+  Json file = parsed_json(local_text, /*ignore_comments=*/true);
+  if (file.is_discarded())
+    return tl::unexpected(ConfigErrors{{"", 0, "the local file is not JSON any more"}});
+  auto [text, errors] = Merger(std::move(file), document, local.remote).run();
+  auto config = parse(text);
   if (!config) {
     for (ConfigError& error : config.error())
       errors.push_back({std::move(error.pointer), 0, without_lines(std::move(error.text))});

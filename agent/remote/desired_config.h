@@ -36,18 +36,6 @@ struct ReadDesired {
 /// "/devices/0/name"; lines are 0.
 ReadDesired read_desired(std::string_view payload);
 
-/// Text of the merged config, and an error for each value that must not be set remotely. Such a
-/// value stays as in the local file.
-struct MergedConfig {
-  std::string text;
-  ConfigErrors errors;
-};
-/// Merges the document into the local file. The sections of `config` replace the local ones, except
-/// that `mqtt` replaces only the keys it has; a `patch` is a JSON merge patch (RFC 7396) of the
-/// whole file. `local_text` must be a valid config, and `desired` must have no errors.
-MergedConfig merged_config(std::string_view local_text, const DesiredConfig& desired,
-                           const RemoteLimits& limits);
-
 /// Returns an error for each right of `wanted` that `local` and its `remote_allow` do not give.
 /// Errors of a device point at `/devices` and name it in the text. Both configs must be valid and
 /// without vacant places.
@@ -64,9 +52,11 @@ std::vector<ConfigError> beyond_limits(const Config& local, const Config& wanted
 /// Reads a merged text as load_config() reads the local file, within remote_limits().
 using ParseConfig = std::function<tl::expected<Config, ConfigErrors>(std::string_view text)>;
 
-/// Returns the local file merged with the document, or all errors. `local` is the config of
-/// `local_text`. Any thread may set `stop` to end the call early; its result is then meaningless.
-/// nullptr: the call cannot be stopped.
+/// Returns the local file merged with the document, or all errors: also one for each value that
+/// must not be set remotely. The sections of `config` replace the local ones, except that `mqtt`
+/// replaces only the keys it has; a `patch` is a JSON merge patch (RFC 7396) of the whole file.
+/// `local` is the config of `local_text`, and `desired` has no errors. Any thread may set `stop` to
+/// end the call early; its result is then meaningless. nullptr: the call cannot be stopped.
 tl::expected<Config, ConfigErrors> effective_config(std::string_view local_text,
                                                     const Config& local,
                                                     const DesiredConfig& desired,
