@@ -47,6 +47,15 @@ static_assert(kReasons.size() == static_cast<std::size_t>(Reason::interrupted) +
 static_assert(kAnswers.size() == static_cast<std::size_t>(PlcAnswer::nak) + 1);
 static_assert(kStatuses.size() == kCommandStatuses.size());
 
+std::size_t memory_of(const Value& value) {
+  std::size_t bytes = value.items.capacity() * sizeof(Scalar);
+  for (const Scalar& item : value.items)
+    if (const auto* text = std::get_if<std::string>(&item)) bytes += text->capacity();
+  return bytes;
+}
+
+std::size_t memory_of(const std::optional<Value>& value) { return value ? memory_of(*value) : 0; }
+
 }  // namespace
 
 void FrameTrace::add(WireFrame::Way way, ByteView bytes) {
@@ -72,19 +81,6 @@ std::string_view to_string(PlcAnswer answer) { return kAnswers[static_cast<std::
 std::string_view to_string(CommandStatus status) {
   return kStatuses[static_cast<std::size_t>(status)];
 }
-
-namespace {
-
-std::size_t memory_of(const Value& value) {
-  std::size_t bytes = value.items.capacity() * sizeof(Scalar);
-  for (const Scalar& item : value.items)
-    if (const auto* text = std::get_if<std::string>(&item)) bytes += text->capacity();
-  return bytes;
-}
-
-std::size_t memory_of(const std::optional<Value>& value) { return value ? memory_of(*value) : 0; }
-
-}  // namespace
 
 std::size_t memory_of(const Command& command) {
   std::size_t bytes = sizeof(command) + command.by.capacity() + command.response_topic.capacity() +
