@@ -12,22 +12,6 @@
 #include "agent/store/disk/store_file.h"
 
 namespace fxagent {
-namespace {
-
-/// Returns false, with errno set, if part of the text was not written.
-bool write_all(int handle, std::string_view text) {
-  while (!text.empty()) {
-    const auto written = ::write(handle, text.data(), text.size());
-    if (written < 0 && errno == EINTR) continue;
-    if (written == 0) errno = ENOSPC;
-    if (written <= 0) return false;
-    text.remove_prefix(static_cast<std::size_t>(written));
-  }
-  return true;
-}
-
-}  // namespace
-
 DurableFile::DurableFile(std::string directory, const std::string& name)
     : directory_(std::move(directory)), path_(directory_ + "/" + name) {}
 
