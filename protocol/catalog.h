@@ -23,6 +23,7 @@ struct LineDefaults {
   int data_bits = 7;
   Parity parity = Parity::even;
   int stop_bits = 1;
+  friend bool operator==(const LineDefaults&, const LineDefaults&) = default;
 };
 
 /// How addresses of a protocol are written, for editors and people.

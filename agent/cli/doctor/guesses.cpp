@@ -31,11 +31,6 @@ std::vector<LineDefaults> shapes_of(const ProtocolInfo& protocol) {
 
 }  // namespace
 
-bool operator==(const LineDefaults& one, const LineDefaults& other) {
-  return one.baud == other.baud && one.data_bits == other.data_bits && one.parity == other.parity &&
-         one.stop_bits == other.stop_bits;
-}
-
 std::vector<LineDefaults> line_guesses(const ProtocolInfo& protocol, const LineDefaults& own) {
   std::vector<LineDefaults> guesses{own};
   const auto add_at = [&, shapes = shapes_of(protocol)](int baud) {

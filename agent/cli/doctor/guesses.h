@@ -9,8 +9,6 @@
 
 namespace fxagent {
 
-bool operator==(const LineDefaults& one, const LineDefaults& other);
-
 /// Returns the settings of a serial line to try for the protocol: `own` first, then its usual ones,
 /// then the others at 9600, 19200 baud and so on. Each occurs once.
 std::vector<LineDefaults> line_guesses(const ProtocolInfo& protocol, const LineDefaults& own);
