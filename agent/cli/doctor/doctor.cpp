@@ -11,7 +11,6 @@
 #include <filesystem>
 #include <iostream>
 #include <optional>
-#include <set>
 #include <system_error>
 #include <utility>
 #include <vector>
@@ -21,11 +20,11 @@
 #include "agent/cli/doctor/guesses.h"
 #include "agent/cli/exit_status.h"
 #include "agent/cli/report/read_report.h"
-#include "agent/config/keys.h"
 #include "agent/config/loader.h"
 #include "agent/config/source.h"
 #include "agent/config/wiring.h"
 #include "agent/field/line_probe.h"
+#include "agent/file_handle.h"
 #include "agent/line_time.h"
 #include "agent/log/log.h"
 #include "agent/process/port_access.h"
@@ -45,29 +44,230 @@ constexpr std::size_t kLikelyGuesses = 4;
 constexpr std::size_t kMeasurements = 5;
 constexpr milliseconds kTurnaroundMargin{20};  // of a busy machine
 constexpr std::uint32_t kByteBits = 8;
-/// Wait for the answer to an unlikely guess.
-constexpr milliseconds kGuessTimeout{250};
-// A guess of a scan has this many characters, request and answer together, at most; and greet() may
-// ask twice.
-constexpr int kGuessCharacters = 120;
 
-/// Returns the word of the config for it.
-std::string word_of(Parity parity) {
-  return std::string(config_keys::kParities[static_cast<std::size_t>(parity)]);
+/// Prints what is found, and collects the changes of the config.
+class Diagnosis final {
+ public:
+  /// `text` is that of the config. It must outlive the object.
+  explicit Diagnosis(const std::string& text) : text_(text) {}
+
+  void note(const std::string& text) { std::cout << "  " << text << '\n'; }
+  void fault(int status, const std::string& text) {
+    if (status_ == kDone || status < status_) status_ = status;
+    note("FAULT: " + text);
+  }
+  void change(KeyChange change) {
+    const auto pointer = pointer_to_key(change);
+    const std::string key = pointer ? *pointer : change.name + ": " + change.key;
+    note("  config: " + key + " = " + change.value +
+         (pointer ? ""
+                  : "  (change it by hand: the file has no entry of this name; a template, n or a "
+                    "variable makes it)"));
+    written_ += pointer ? 1U : 0U;
+    changes_.push_back(std::move(change));
+  }
+  void change(const DeviceConfig& device, const std::string& key, const std::string& value) {
+    change({.list = "devices", .name = device.name, .key = key, .value = value});
+  }
+
+  /// Returns the place of the key in the file; nullopt: see pointer_of().
+  std::optional<std::string> pointer_to_key(const KeyChange& key) const {
+    return pointer_of(text_, key);
+  }
+  /// Returns that of the fault that counts most; kDone if there is none.
+  int status() const { return status_; }
+  const std::vector<KeyChange>& changes() const { return changes_; }
+  /// Returns how many of the changes are of entries of the file.
+  std::size_t writable() const { return written_; }
+
+ private:
+  const std::string& text_;
+  int status_ = kDone;
+  static_assert(kFailed < kHeld && kHeld < kDiffers);  // the lowest counts most
+  std::vector<KeyChange> changes_;
+  std::size_t written_ = 0;
+};
+
+// ---- a device that answers ----------------------------------------------------------------------
+
+void judge_echo(const DeviceConfig& device, const ProbeAnswer& answer, Diagnosis& diagnosis) {
+  if (answer.echo == device.echo) return;
+  diagnosis.fault(kDiffers,
+                  answer.echo ? "the line returns what is sent" : "the line does not echo");
+  diagnosis.change(device, "echo", answer.echo ? "true" : "false");
 }
 
-/// Returns the serial link with another speed and shape of the characters.
-LinkConfig with_line(LinkConfig link, const LineDefaults& line) {
-  auto& serial = std::get<SerialSettings>(link.channel);
-  serial.baud = line.baud;
-  serial.data_bits = line.data_bits;
-  serial.parity = line.parity;
-  serial.stop_bits = line.stop_bits;
-  link.char_time = char_time_of(serial);
-  return link;
+void judge_time(const ExaminedDevice& examined, Diagnosis& diagnosis) {
+  const DeviceConfig& device = examined.device;
+  std::vector<milliseconds> times;
+  for (std::size_t i = 0; i < kMeasurements; ++i)
+    if (const auto answer = examined.ask(*first_question(*examined.codec)); answer.is_answered())
+      times.push_back(answer.turnaround);
+  if (times.size() < kMeasurements)
+    return diagnosis.fault(kFailed, "answers " + std::to_string(times.size()) + " of " +
+                                        std::to_string(kMeasurements) +
+                                        " requests: check the wiring, the termination and gap_ms");
+  std::ranges::sort(times);
+  const milliseconds slowest = times.back();
+  const milliseconds usual = times[times.size() / 2];
+  const auto text = [](milliseconds time) {
+    return time.count() == 0 ? "less than 1 ms" : std::to_string(time.count()) + " ms";
+  };
+  diagnosis.note("slowest answer: " + text(slowest) + " (timeout_ms " +
+                 std::to_string(device.timeout.count()) + "), usual: " + text(usual) +
+                 " (turnaround_ms " + std::to_string(device.turnaround.count()) + ")");
+  if (slowest >= device.timeout) {
+    diagnosis.fault(kDiffers, "slower than its timeout");
+    diagnosis.change(device, "timeout_ms", std::to_string(2 * slowest.count()));
+  }
+  // A turnaround_ms above the measured time only makes the first plan cautious.
+  if (usual <= 2 * device.turnaround + kTurnaroundMargin) return;
+  diagnosis.fault(kDiffers, "slower than turnaround_ms: the first commands may miss their bound");
+  diagnosis.change(device, "turnaround_ms", std::to_string(usual.count()));
 }
 
-// ---- doctor -------------------------------------------------------------------------------------
+/// Sets the codec to that of the model which the device reports.
+void judge_model(ExaminedDevice& examined, Diagnosis& diagnosis) {
+  const PlcServices* plc = examined.codec->plc();
+  if (plc == nullptr) return;
+  std::vector<Bytes> images;
+  for (const Request& question : plc->identify()) images.push_back(examined.ask(question).image);
+  const auto model = plc->model_from(images);
+  if (!model) return diagnosis.note("model: not reported");
+  diagnosis.note("model " + *model);
+  const std::string configured = plc->model();
+  if (*model == configured) return;
+  if (!configured.empty()) {
+    diagnosis.fault(kDiffers, "the config says " + configured);
+    diagnosis.change(examined.device, "model", json_string(*model));
+  }
+  examined.codec = plc->with_model(*model);
+}
+
+void note_identity(const ProbeAnswer& answer, Diagnosis& diagnosis) {
+  const bool is_named = answer.kind == ProbeAnswer::Kind::data && !answer.image.empty();
+  diagnosis.note("identity: " + (is_named ? std::string(answer.image.begin(), answer.image.end())
+                                          : "not reported"));
+}
+
+void judge_state(const ExaminedDevice& examined, Diagnosis& diagnosis) {
+  const PlcServices* plc = examined.codec->plc();
+  if (plc == nullptr) return;
+  const auto state = examined.ask(plc->run_state());
+  if (const auto run = plc->run_state_from(state.image)) diagnosis.note(*run ? "RUN" : "STOP");
+  const SpecialDevices special = plc->special_devices();
+  if (const auto low = examined.word_at(special.battery_low))
+    diagnosis.note((*low != 0 ? "battery low (" : "battery good (") +
+                   std::string(special.battery_low) + ")");
+  const bool has_error = examined.word_at(special.has_error).value_or(0) != 0;
+  if (const auto error = examined.word_at(special.error); error && has_error)
+    diagnosis.note("error word " + std::string(special.error) + " = " + std::to_string(*error));
+  const bool is_valid =
+      special.clock_copied.empty() || examined.word_at(special.clock_copied).value_or(0) != 0;
+  const auto first = examined.codec->addresses().parse_address(special.clock_at, std::nullopt);
+  if (special.clock == SpecialDevices::Clock::none || !is_valid || !first) return;
+  Span words = first->span;
+  words.bits *= clock_words(special.clock);
+  const auto image = examined.read(words);
+  if (const auto text = image ? clock_text(special.clock, *image) : std::nullopt)
+    diagnosis.note("clock " + *text);
+}
+
+std::string bytes_text(std::uint32_t bits) {
+  return std::to_string((bits + kByteBits - 1) / kByteBits) + " bytes";
+}
+
+/// Reads a tag of a refused read by itself.
+void judge_tag(ExaminedDevice& examined, const Read& refused, const TagConfig& tag,
+               Diagnosis& diagnosis) {
+  const auto span = span_of(tag.point);
+  const bool is_inside = span && span->first_bit >= refused.span.first_bit &&
+                         span->end_bit() <= refused.span.end_bit();
+  if (!is_inside || examined.read(*span)) return;
+  examined.refused.insert(&tag);
+  diagnosis.fault(
+      kDiffers, "tag " + std::string(std::string_view(tag.name)) + ": the device does not return " +
+                    bytes_text(span->bits) + " at " +
+                    examined.codec->addresses().name_of({span->space, span->first_bit, 1}) +
+                    "; correct the address, or remove the tag");
+}
+
+/// Sizes of the reads of a device, in bits; 0: there was none.
+struct ReadSizes {
+  std::uint32_t answered = 0;  ///< the largest
+  std::uint32_t limit = 0;     ///< the smallest parts in which a refused read is answered
+};
+
+/// `tags` are those of the group of the read.
+void judge_read(ExaminedDevice& examined, const PlannedRead& planned,
+                const std::vector<const TagConfig*>& tags, ReadSizes& sizes, Diagnosis& diagnosis) {
+  const Read& whole = planned.read;
+  if (whole.gather != 0) return;
+  const auto answer = examined.ask(whole);
+  if (answer.kind == ProbeAnswer::Kind::data)
+    sizes.answered = std::max(sizes.answered, whole.span.bits);
+  if (answer.kind != ProbeAnswer::Kind::refused) return;
+  const std::string place =
+      examined.codec->addresses().name_of({whole.span.space, whole.span.first_bit, 1});
+  diagnosis.note("a read of " + bytes_text(whole.span.bits) + " at " + place +
+                 " is refused: " + answer.text);
+  if (const std::uint32_t fits = examined.answered_in_parts(whole); fits != 0)
+    sizes.limit = sizes.limit == 0 ? fits : std::min(sizes.limit, fits);
+  else
+    for (const std::uint32_t each : planned.points)
+      judge_tag(examined, whole, *tags[each], diagnosis);
+}
+
+/// Tries every read of the plan.
+void judge_blocks(ExaminedDevice& examined, std::chrono::nanoseconds char_time,
+                  Diagnosis& diagnosis) {
+  const DeviceConfig& device = examined.device;
+  ReadSizes sizes;
+  for (std::size_t g = 0; g < device.groups.size(); ++g) {
+    std::vector<Point> points;
+    std::vector<const TagConfig*> tags;  // of `points`
+    for (const TagConfig& tag : device.tags) {
+      if (tag.group != g) continue;
+      points.push_back(tag.point);
+      tags.push_back(&tag);
+    }
+    const Plan plan =
+        make_plan(*examined.codec, points, cost_of(device, char_time, device.turnaround),
+                  device.max_block_bytes);
+    for (const PlannedRead& planned : plan.reads)
+      judge_read(examined, planned, tags, sizes, diagnosis);
+  }
+  if (sizes.answered != 0) diagnosis.note("reads blocks of " + bytes_text(sizes.answered));
+  if (sizes.limit == 0) return;
+  diagnosis.fault(kDiffers, "blocks above " + bytes_text(sizes.limit) + " are refused");
+  diagnosis.change(device, "max_block_bytes", std::to_string(sizes.limit / kByteBits));
+}
+
+void judge_orders(const ExaminedDevice& examined, Diagnosis& diagnosis) {
+  for (const TagConfig& tag : examined.device.tags) {
+    const auto span = span_of(tag.point);
+    if (!span || !has_word_order(tag.point) || span->bits != 2 * kWordBits) continue;
+    if (examined.refused.contains(&tag)) continue;
+    const std::string name(std::string_view(tag.name));
+    const auto image = examined.read(*span);
+    if (!image) {
+      diagnosis.note(name + ": cannot be read");
+      continue;
+    }
+    std::string values;
+    for (const ByteOrder order : kByteOrders)
+      if (const auto value = in_order(tag.point, *image, order))
+        values += "  " + std::string(to_string(order)) + " " + value_text(*value, *no_units());
+    diagnosis.note(name + ":" + values);
+    const auto order = likelier_order(tag.point, *image, span->first_bit);
+    if (!order) continue;
+    diagnosis.fault(kDiffers, "the word order of " + name + " is probably wrong");
+    diagnosis.change({"devices", examined.device.name, name, "word_order",
+                      json_string(std::string(to_string(*order)))});
+  }
+}
+
+// ---- the search for a device --------------------------------------------------------------------
 
 LineDefaults line_of(const SerialSettings& serial) {
   return {serial.baud, serial.data_bits, serial.parity, serial.stop_bits};
@@ -81,44 +281,24 @@ milliseconds patience(const DeviceConfig& device, std::size_t guess) {
 
 class Doctor final {
  public:
-  Doctor(const Config& config, std::string text) : config_(config), text_(std::move(text)) {}
+  /// Both must outlive the object.
+  Doctor(const Config& config, Diagnosis& diagnosis) : config_(config), diagnosis_(diagnosis) {}
 
-  int run() {
+  void run() {
     for (std::uint32_t i = 0; i < config_.links.size(); ++i) examine_link(i);
-    static_assert(kFailed < kHeld && kHeld < kDiffers);
-    return statuses_.empty() ? kDone : *statuses_.begin();
   }
-  const std::vector<KeyChange>& changes() const { return changes_; }
-  /// Returns how many of the changes are of entries of the file.
-  std::size_t writable() const { return written_; }
 
  private:
-  void note(const std::string& text) { std::cout << "  " << text << '\n'; }
-  void fault(int status, const std::string& text) {
-    statuses_.insert(status);
-    note("FAULT: " + text);
-  }
-  void change(KeyChange change) {
-    const auto pointer = pointer_of(text_, change);
-    const std::string key = pointer ? *pointer : change.name + ": " + change.key;
-    note("  config: " + key + " = " + change.value +
-         (pointer ? ""
-                  : "  (change it by hand: the file has no entry of this name; a template, n or a "
-                    "variable makes it)"));
-    written_ += pointer ? 1U : 0U;
-    changes_.push_back(std::move(change));
-  }
-
   void examine_link(std::uint32_t index) {
     link_ = config_.links[index];
     if (link_.is_vacant()) return;
     std::cout << "link " << link_.name << ", " << channel_text(link_) << '\n';
     const auto* serial = std::get_if<SerialSettings>(&link_.channel);
     if (const auto holder = serial == nullptr ? std::nullopt : port_holder(serial->path)) {
-      fault(kHeld, "another program uses the port: " + holder->text());
-      const auto pointer = pointer_of(text_, {"links", link_.name, "", "serial/path", ""});
-      return note("  End it. If this is the wrong port, correct " +
-                  pointer.value_or("the path of " + link_.name));
+      diagnosis_.fault(kHeld, "another program uses the port: " + holder->text());
+      const auto pointer = diagnosis_.pointer_to_key({"links", link_.name, "", "serial/path", ""});
+      return diagnosis_.note("  End it. If this is the wrong port, correct " +
+                             pointer.value_or("the path of " + link_.name));
     }
     std::vector<std::pair<const DeviceConfig*, ProbeAnswer>> first_answers;
     for (const DeviceConfig& device : config_.devices)
@@ -127,7 +307,8 @@ class Doctor final {
     for (auto& [device, answer] : first_answers) {
       if (!first_question(*device->codec)) continue;
       LineProbe probe(link_, device->gap);
-      if (const auto opened = probe.open(); !opened) return fault(kFailed, opened.error().text);
+      if (const auto opened = probe.open(); !opened)
+        return diagnosis_.fault(kFailed, opened.error().text);
       answer = greet(probe, *device->codec, longest_wait(*device));
       line_is_right_ = line_is_right_ || is_there(answer, *device->codec);
     }
@@ -135,7 +316,8 @@ class Doctor final {
       examine_device(*device, answer);
       if (line_is_right_ || !first_question(*device->codec) || device == first_answers.back().first)
         continue;
-      return note("The other devices of this link are not examined: nothing answers on it.");
+      return diagnosis_.note(
+          "The other devices of this link are not examined: nothing answers on it.");
     }
   }
 
@@ -143,25 +325,27 @@ class Doctor final {
   /// the config. `answer` is its first one.
   void examine_device(const DeviceConfig& device, ProbeAnswer answer) {
     std::cout << "device " << device.name << '\n';
-    if (!first_question(*device.codec)) return note("a broadcast: no device answers");
+    if (!first_question(*device.codec)) return diagnosis_.note("a broadcast: no device answers");
     std::shared_ptr<const Codec> codec = device.codec;
     LinkConfig line = link_;
     if (!is_there(answer, *codec) && !find(line, device, codec))
-      return fault(kFailed, why_silent(device, answer));
+      return diagnosis_.fault(kFailed, why_silent(device, answer));
     LineProbe probe(line, device.gap);
-    if (const auto opened = probe.open(); !opened) return fault(kFailed, opened.error().text);
+    if (const auto opened = probe.open(); !opened)
+      return diagnosis_.fault(kFailed, opened.error().text);
     if (!is_there(answer, *codec)) answer = greet(probe, *codec, longest_wait(device));
     if (!is_there(answer, *codec))
-      return fault(kFailed, "answers now and then: the last question had no answer");
-    judge_echo(device, answer);
+      return diagnosis_.fault(kFailed, "answers now and then: the last question had no answer");
+    judge_echo(device, answer, diagnosis_);
     ExaminedDevice examined{probe, device, codec};
-    judge_time(examined);
-    judge_model(examined);
-    judge_state(examined);
-    judge_blocks(examined, line.char_time);
-    judge_orders(examined);
+    judge_time(examined, diagnosis_);
+    judge_model(examined, diagnosis_);
+    judge_state(examined, diagnosis_);
+    judge_blocks(examined, line.char_time, diagnosis_);
+    judge_orders(examined, diagnosis_);
     // The last question, because a device may close the connection at a function that it lacks.
-    if (const auto question = examined.codec->identity()) note_identity(examined.ask(*question));
+    if (const auto question = examined.codec->identity())
+      note_identity(examined.ask(*question), diagnosis_);
   }
 
   /// Finds a silent device at another line, which goes into `line`, or at another address. True if
@@ -218,11 +402,12 @@ class Doctor final {
     const LineDefaults is = line_of(std::get<SerialSettings>(link_.channel));
     const LineDefaults found = line_of(std::get<SerialSettings>(other.channel));
     if (others_answer)
-      return fault(kDiffers, "answers at " + to_string(found) + "; other devices of the link at " +
-                                 to_string(is) + ": set this device to that");
-    fault(kDiffers, "answers at " + to_string(found) + ", not at " + to_string(is));
+      return diagnosis_.fault(kDiffers, "answers at " + to_string(found) +
+                                            "; other devices of the link at " + to_string(is) +
+                                            ": set this device to that");
+    diagnosis_.fault(kDiffers, "answers at " + to_string(found) + ", not at " + to_string(is));
     const auto differs = [&](bool differ, const std::string& key, const std::string& value) {
-      if (differ) change({"links", link_.name, "", "serial/" + key, value});
+      if (differ) diagnosis_.change({"links", link_.name, "", "serial/" + key, value});
     };
     differs(found.baud != is.baud, "baud", std::to_string(found.baud));
     differs(found.data_bits != is.data_bits, "data_bits", std::to_string(found.data_bits));
@@ -260,187 +445,22 @@ class Doctor final {
       codec = *made;
       stations_.emplace_back(device.link, guess);
       if (guess == *own) return true;
-      fault(kDiffers, key + " " + std::to_string(guess) + " answers, and " + key + " " +
-                          std::to_string(*own) + " does not");
-      change({"devices", device.name, "", key, std::to_string(guess)});
+      diagnosis_.fault(kDiffers, key + " " + std::to_string(guess) + " answers, and " + key + " " +
+                                     std::to_string(*own) + " does not");
+      diagnosis_.change(device, key, std::to_string(guess));
       return true;
     }
     return false;
   }
 
-  void judge_echo(const DeviceConfig& device, const ProbeAnswer& answer) {
-    if (answer.echo == device.echo) return;
-    fault(kDiffers, answer.echo ? "the line returns what is sent" : "the line does not echo");
-    change({"devices", device.name, "", "echo", answer.echo ? "true" : "false"});
-  }
-
-  void judge_time(const ExaminedDevice& examined) {
-    const DeviceConfig& device = examined.device;
-    std::vector<milliseconds> times;
-    for (std::size_t i = 0; i < kMeasurements; ++i)
-      if (const auto answer = examined.ask(*first_question(*examined.codec)); answer.is_answered())
-        times.push_back(answer.turnaround);
-    if (times.size() < kMeasurements)
-      return fault(kFailed, "answers " + std::to_string(times.size()) + " of " +
-                                std::to_string(kMeasurements) +
-                                " requests: check the wiring, the termination and gap_ms");
-    std::ranges::sort(times);
-    const milliseconds slowest = times.back();
-    const milliseconds usual = times[times.size() / 2];
-    const std::string needed = std::to_string(usual.count());
-    const auto text = [](milliseconds time) {
-      return time.count() == 0 ? "less than 1 ms" : std::to_string(time.count()) + " ms";
-    };
-    note("slowest answer: " + text(slowest) + " (timeout_ms " +
-         std::to_string(device.timeout.count()) + "), usual: " + text(usual) + " (turnaround_ms " +
-         std::to_string(device.turnaround.count()) + ")");
-    if (slowest >= device.timeout) {
-      fault(kDiffers, "slower than its timeout");
-      change({"devices", device.name, "", "timeout_ms", std::to_string(2 * slowest.count())});
-    }
-    // A turnaround_ms above the measured time only makes the first plan cautious.
-    if (usual <= 2 * device.turnaround + kTurnaroundMargin) return;
-    fault(kDiffers, "slower than turnaround_ms: the first commands may miss their bound");
-    change({"devices", device.name, "", "turnaround_ms", needed});
-  }
-
-  /// Sets the codec to that of the model which the device reports.
-  void judge_model(ExaminedDevice& examined) {
-    const PlcServices* plc = examined.codec->plc();
-    if (plc == nullptr) return;
-    std::vector<Bytes> images;
-    for (const Request& question : plc->identify()) images.push_back(examined.ask(question).image);
-    const auto model = plc->model_from(images);
-    if (!model) return note("model: not reported");
-    note("model " + *model);
-    const std::string configured = plc->model();
-    if (*model == configured) return;
-    if (!configured.empty()) {
-      fault(kDiffers, "the config says " + configured);
-      change({"devices", examined.device.name, "", "model", json_string(*model)});
-    }
-    examined.codec = plc->with_model(*model);
-  }
-
-  void note_identity(const ProbeAnswer& answer) {
-    const bool is_named = answer.kind == ProbeAnswer::Kind::data && !answer.image.empty();
-    note("identity: " +
-         (is_named ? std::string(answer.image.begin(), answer.image.end()) : "not reported"));
-  }
-
-  void judge_state(const ExaminedDevice& examined) {
-    const PlcServices* plc = examined.codec->plc();
-    if (plc == nullptr) return;
-    const auto state = examined.ask(plc->run_state());
-    if (const auto run = plc->run_state_from(state.image)) note(*run ? "RUN" : "STOP");
-    const SpecialDevices special = plc->special_devices();
-    if (const auto low = examined.word_at(special.battery_low))
-      note((*low != 0 ? "battery low (" : "battery good (") + std::string(special.battery_low) +
-           ")");
-    const bool has_error = examined.word_at(special.has_error).value_or(0) != 0;
-    if (const auto error = examined.word_at(special.error); error && has_error)
-      note("error word " + std::string(special.error) + " = " + std::to_string(*error));
-    const bool is_valid =
-        special.clock_copied.empty() || examined.word_at(special.clock_copied).value_or(0) != 0;
-    const auto first = examined.codec->addresses().parse_address(special.clock_at, std::nullopt);
-    if (special.clock == SpecialDevices::Clock::none || !is_valid || !first) return;
-    Span words = first->span;
-    words.bits *= clock_words(special.clock);
-    const auto image = examined.read(words);
-    if (const auto text = image ? clock_text(special.clock, *image) : std::nullopt)
-      note("clock " + *text);
-  }
-
-  /// Tries every read of the plan.
-  void judge_blocks(ExaminedDevice& examined, std::chrono::nanoseconds char_time) {
-    const DeviceConfig& device = examined.device;
-    std::uint32_t longest_bits = 0;
-    std::uint32_t limit_bits = 0;  // 0: none was found
-    for (std::size_t g = 0; g < device.groups.size(); ++g) {
-      std::vector<Point> points;
-      std::vector<const TagConfig*> tags;  // of `points`
-      for (const TagConfig& tag : device.tags) {
-        if (tag.group != g) continue;
-        points.push_back(tag.point);
-        tags.push_back(&tag);
-      }
-      const Plan plan =
-          make_plan(*examined.codec, points, cost_of(device, char_time, device.turnaround),
-                    device.max_block_bytes);
-      for (const PlannedRead& planned : plan.reads) {
-        const Read& whole = planned.read;
-        if (whole.gather != 0) continue;
-        const auto answer = examined.ask(whole);
-        if (answer.kind == ProbeAnswer::Kind::data)
-          longest_bits = std::max(longest_bits, whole.span.bits);
-        if (answer.kind != ProbeAnswer::Kind::refused) continue;
-        const std::uint32_t fits = examined.answered_in_parts(whole);
-        const std::string place =
-            examined.codec->addresses().name_of({whole.span.space, whole.span.first_bit, 1});
-        note("a read of " + bytes_text(whole.span.bits) + " at " + place +
-             " is refused: " + answer.text);
-        if (fits == 0)
-          for (const std::uint32_t each : planned.points) judge_tag(examined, whole, *tags[each]);
-        else
-          limit_bits = limit_bits == 0 ? fits : std::min(limit_bits, fits);
-      }
-    }
-    if (longest_bits != 0) note("reads blocks of " + bytes_text(longest_bits));
-    if (limit_bits == 0) return;
-    fault(kDiffers, "blocks above " + bytes_text(limit_bits) + " are refused");
-    change({"devices", device.name, "", "max_block_bytes", std::to_string(limit_bits / kByteBits)});
-  }
-
-  /// Reads a tag of a refused read by itself.
-  void judge_tag(ExaminedDevice& examined, const Read& refused, const TagConfig& tag) {
-    const auto span = span_of(tag.point);
-    const bool is_inside = span && span->first_bit >= refused.span.first_bit &&
-                           span->end_bit() <= refused.span.end_bit();
-    if (!is_inside || examined.read(*span)) return;
-    examined.refused.insert(&tag);
-    fault(kDiffers, "tag " + std::string(std::string_view(tag.name)) +
-                        ": the device does not return " + bytes_text(span->bits) + " at " +
-                        examined.codec->addresses().name_of({span->space, span->first_bit, 1}) +
-                        "; correct the address, or remove the tag");
-  }
-
-  static std::string bytes_text(std::uint32_t bits) {
-    return std::to_string((bits + kByteBits - 1) / kByteBits) + " bytes";
-  }
-
-  void judge_orders(const ExaminedDevice& examined) {
-    for (const TagConfig& tag : examined.device.tags) {
-      const auto span = span_of(tag.point);
-      if (!span || !has_word_order(tag.point) || span->bits != 2 * kWordBits) continue;
-      if (examined.refused.contains(&tag)) continue;
-      const std::string name(std::string_view(tag.name));
-      const auto image = examined.read(*span);
-      if (!image) {
-        note(name + ": cannot be read");
-        continue;
-      }
-      std::string values;
-      for (const ByteOrder order : kByteOrders)
-        if (const auto value = in_order(tag.point, *image, order))
-          values += "  " + std::string(to_string(order)) + " " + value_text(*value, *no_units());
-      note(name + ":" + values);
-      const auto order = likelier_order(tag.point, *image, span->first_bit);
-      if (!order) continue;
-      fault(kDiffers, "the word order of " + name + " is probably wrong");
-      change({"devices", examined.device.name, name, "word_order",
-              json_string(std::string(to_string(*order)))});
-    }
-  }
-
   const Config& config_;
-  const std::string text_;
+  Diagnosis& diagnosis_;
   LinkConfig link_;             ///< the one that is examined
   bool line_is_right_ = false;  ///< a device answers at the speed of link_
-  std::set<int> statuses_;      ///< the lowest is the one that counts most
-  std::vector<KeyChange> changes_;
-  std::size_t written_ = 0;
   std::vector<std::pair<std::uint32_t, std::int64_t>> stations_;  ///< found, with their links
 };
+
+// ---- the copy with the changes ------------------------------------------------------------------
 
 /// Returns why the copy cannot be written; empty if it can.
 std::string why_no_copy(const std::string& path) {
@@ -455,24 +475,18 @@ std::string why_no_copy(const std::string& path) {
 /// failed; empty on success.
 std::string write_copy(const std::string& path, const std::string& config,
                        const std::string& text) {
+  const auto why = [] { return std::system_category().message(errno); };
   struct stat like {};
-  if (::stat(config.c_str(), &like) != 0) return std::system_category().message(errno);
-  const int file = ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
-  if (file < 0) return std::system_category().message(errno);
-  int error = 0;
-  for (std::size_t done = 0; error == 0 && done < text.size();) {
-    const ssize_t count = ::write(file, text.data() + done, text.size() - done);
-    if (count < 0 && errno != EINTR) error = errno;
-    if (count > 0) done += static_cast<std::size_t>(count);
-  }
-  // Only root may give it to another user.
-  if (::geteuid() == 0 && error == 0 && ::fchown(file, like.st_uid, like.st_gid) != 0)
-    error = errno;
-  if (error == 0 && ::fchmod(file, like.st_mode & 0777U) != 0) error = errno;
-  if (::close(file) != 0 && error == 0) error = errno;
-  if (error == 0) return {};
+  if (::stat(config.c_str(), &like) != 0) return why();
+  FileHandle file(::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
+  if (file < 0) return why();
+  const bool is_root = ::geteuid() == 0;  // only root may give it to another user
+  if (write_all(file, text) && (!is_root || ::fchown(file, like.st_uid, like.st_gid) == 0) &&
+      ::fchmod(file, like.st_mode & 0777U) == 0 && ::close(file.release()) == 0)
+    return {};
+  std::string fault = why();
   ::unlink(path.c_str());
-  return std::system_category().message(error);
+  return fault;
 }
 
 }  // namespace
@@ -487,83 +501,25 @@ int run_doctor(const std::string& path, const std::string& fix) {
   // Known before the search, which may take minutes.
   if (const std::string why = fix.empty() ? "" : why_no_copy(fix); !why.empty())
     return refused(fix, "cannot be written: " + why, kFailed);
-  Doctor doctor(*config, *text);
-  const int status = doctor.run();
+  Diagnosis diagnosis(*text);
+  Doctor(*config, diagnosis).run();
+  const int status = diagnosis.status();
   if (status == kDone) std::cout << "Nothing to change.\n";
-  if (fix.empty() || doctor.writable() == 0) return status;
-  const std::string fixed = fixed_config(*text, doctor.changes());
+  if (fix.empty() || diagnosis.writable() == 0) return status;
+  const std::string fixed = fixed_config(*text, diagnosis.changes());
   if (const auto valid = config_of_file(path, fixed, privacy_of(path)); !valid)
     return refused(fix, "not written, the changed config is wrong: " + valid.error().front().text,
                    kFailed);
   if (const std::string why = write_copy(fix, path, fixed); !why.empty())
     return refused(fix, "cannot be written: " + why, kFailed);
-  std::cout << "Written: " << fix << " with " << doctor.writable() << " of "
-            << doctor.changes().size() << " changes\n";
+  std::cout << "Written: " << fix << " with " << diagnosis.writable() << " of "
+            << diagnosis.changes().size() << " changes\n";
   const auto directory = [](const std::string& of) {
     return std::filesystem::weakly_canonical(of).parent_path();
   };
   if (directory(fix) != directory(path))
     std::cout << "Relative paths in it now begin at " << directory(fix).string() << '\n';
   return status;
-}
-
-int run_scan(const std::string& port) {
-  log::set_level(log::Level::error);
-  if (const auto holder = port_holder(port))
-    return refused(port, "another program uses it: " + holder->text() + "; end it first", kHeld);
-  struct Guess {
-    const ProtocolInfo* protocol;
-    LineDefaults line;
-  };
-  static constexpr std::size_t kFewStations = 4;
-  std::vector<Guess> guesses;
-  for (const ProtocolInfo& protocol : catalog())
-    if (protocol.on_serial)
-      for (const LineDefaults& line : line_guesses(protocol, protocol.line))
-        guesses.push_back({&protocol, line});
-  const auto stations_of = [](const ProtocolInfo& protocol) {
-    const auto options = default_options(protocol);
-    const auto* own = option<std::int64_t>(options, station_key(protocol));
-    auto stations = station_guesses(protocol, own == nullptr ? 0 : *own);
-    stations.resize(std::min(stations.size(), kFewStations));
-    if (stations.empty()) stations.push_back(0);
-    return stations;
-  };
-  std::chrono::nanoseconds most{0};
-  for (const Guess& guess : guesses)
-    most += 2 * static_cast<int>(stations_of(*guess.protocol).size()) *
-            (kGuessTimeout + kGuessCharacters * with_line({}, guess.line).char_time);
-  std::cerr << "Nothing is written to a device. At most "
-            << std::chrono::duration_cast<std::chrono::minutes>(most).count() + 1 << " minutes.\n";
-  for (const Guess& guess : guesses) {
-    std::cerr << guess.protocol->name << " at " << to_string(guess.line) << '\n';
-    LinkConfig link;
-    link.channel = SerialSettings{.path = port};
-    link = with_line(link, guess.line);
-    LineProbe probe(link);
-    if (const auto opened = probe.open(); !opened) {
-      const bool is_gone = ::access(port.c_str(), F_OK) != 0;
-      if (is_gone || &guess == guesses.data()) return refused("", opened.error().text, kFailed);
-      continue;  // the adapter lacks this speed
-    }
-    const std::string key(station_key(*guess.protocol));
-    for (const std::int64_t station : stations_of(*guess.protocol)) {
-      Options options = default_options(*guess.protocol);
-      if (!key.empty()) options[key] = station;
-      const auto codec = guess.protocol->make(options);
-      if (!codec || !is_there(greet(probe, **codec, kGuessTimeout), **codec)) continue;
-      std::cout << "\"links\": [{\"name\": \"line1\", \"serial\": {\"path\": " << json_string(port)
-                << ", \"baud\": " << guess.line.baud << ", \"data_bits\": " << guess.line.data_bits
-                << ", \"parity\": " << json_string(word_of(guess.line.parity))
-                << ", \"stop_bits\": " << guess.line.stop_bits << "}}],\n"
-                << "\"devices\": [{\"name\": \"plc1\", \"link\": \"line1\", \"protocol\": "
-                << json_string(std::string(guess.protocol->name));
-      if (!key.empty()) std::cout << ", " << json_string(key) << ": " << station;
-      std::cout << "}]\n";
-      return kDone;
-    }
-  }
-  return refused(port, "nothing answers", kFailed);
 }
 
 }  // namespace fxagent

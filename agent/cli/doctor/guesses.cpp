@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <array>
+#include <variant>
+
+#include "agent/config/keys.h"
 
 namespace fxagent {
 namespace {
@@ -42,6 +45,20 @@ std::vector<LineDefaults> line_guesses(const ProtocolInfo& protocol, const LineD
   for (const int baud : kLikelySpeeds)
     if (known.empty() || std::ranges::find(known, baud) != known.end()) add_at(baud);
   return guesses;
+}
+
+LinkConfig with_line(LinkConfig link, const LineDefaults& line) {
+  auto& serial = std::get<SerialSettings>(link.channel);
+  serial.baud = line.baud;
+  serial.data_bits = line.data_bits;
+  serial.parity = line.parity;
+  serial.stop_bits = line.stop_bits;
+  link.char_time = char_time_of(serial);
+  return link;
+}
+
+std::string word_of(Parity parity) {
+  return std::string(config_keys::kParities[static_cast<std::size_t>(parity)]);
 }
 
 std::string_view station_key(const ProtocolInfo& protocol) {
