@@ -26,7 +26,7 @@ const std::string kNone = "-";
 // ---- JSON ---------------------------------------------------------------------------------------
 
 Json time_json(const std::optional<nanoseconds>& duration) {
-  return duration ? Json(rounded_ms(*duration)) : Json(nullptr);
+  return duration ? Json(rounded_ms(*duration)) : Json();
 }
 
 Json to_json(const ExchangeReport& exchange) {
@@ -46,7 +46,7 @@ Json to_json(const GroupLoad& group) {
   out["interval_ms"] = group.interval.count();
   out["line_ms"] = time_json(group.line_time);
   out["shortest_interval_ms"] =
-      group.shortest_interval ? Json(group.shortest_interval->count()) : Json(nullptr);
+      group.shortest_interval ? Json(group.shortest_interval->count()) : Json();
   out["takes_the_rest"] = group.interval.count() == 0;
   out["asked_ms"] = nullptr;
   out["waste_ms"] = nullptr;
@@ -66,8 +66,8 @@ Json to_json(const GroupLoad& group) {
 Json to_json(const LinkReport& link) {
   Json out;
   out["name"] = link.name;
-  out["baud"] = link.baud ? Json(*link.baud) : Json(nullptr);
-  out["busy_percent"] = link.busy_percent ? Json(tenth(*link.busy_percent)) : Json(nullptr);
+  out["baud"] = or_null(link.baud);
+  out["busy_percent"] = link.busy_percent ? Json(tenth(*link.busy_percent)) : Json();
   out["command_bound_ms"] = time_json(link.command_bound);
   out["listening_ms"] = link.listening.count();
   out["groups"] = Json::array();

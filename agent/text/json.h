@@ -33,6 +33,15 @@ std::string text_at(const Json& object, const char* key) {
   return value.is_string() ? value.template get<std::string>() : std::string();
 }
 
+/// Returns null in place of no value, or of an empty text.
+template <class Value>
+nlohmann::ordered_json or_null(const std::optional<Value>& value) {
+  return value ? nlohmann::ordered_json(*value) : nlohmann::ordered_json();
+}
+inline nlohmann::ordered_json or_null(const std::string& text) {
+  return text.empty() ? nlohmann::ordered_json() : nlohmann::ordered_json(text);
+}
+
 /// Parses a document. Returns a discarded value if the text is not JSON.
 nlohmann::json parsed_json(std::string_view text, bool ignore_comments = false);
 nlohmann::ordered_json parsed_ordered_json(std::string_view text);

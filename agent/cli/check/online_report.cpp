@@ -208,8 +208,6 @@ std::vector<std::string> to_do_of(const Config& config, const OnlineFindings& fi
   return to_do;
 }
 
-Json or_null(const std::string& text) { return text.empty() ? Json() : Json(text); }
-
 Json json_of(const OnlineLink& link) {
   Json out;
   out["link"] = link.name;
@@ -233,7 +231,7 @@ Json json_of(const OnlineDevice& device, const DeviceConfig& config, const std::
   out["text"] = or_null(device.text);
   out["model"] = or_null(device.model);
   out["model_configured"] = or_null(device.model_configured);
-  out["run"] = device.run ? Json(*device.run) : Json();
+  out["run"] = or_null(device.run);
   out["tags"] = config.tags.size();
   out["good"] = device.good;
   auto& bad = out["bad"] = Json::array();

@@ -125,14 +125,6 @@ std::string text_of(Outcome outcome) {
   return text;
 }
 
-template <class T>
-OrderedJson or_null(const T& value) {
-  return value.empty() ? OrderedJson() : OrderedJson(value);
-}
-OrderedJson or_null(const std::optional<std::int64_t>& value) {
-  return value ? OrderedJson(*value) : OrderedJson();
-}
-
 bool is_agent_good(const FleetAgent& agent) {
   return agent.presence == Presence::online && agent.conflict.empty() &&
          is_as_asked(agreement_of(agent));
