@@ -38,6 +38,15 @@ struct Interruptions {
   Seconds total{0};
 };
 
+/// All that was received, and until when.
+struct Reception {
+  std::string fault;  ///< why it did not listen to the end; empty if it did
+  std::string server;
+  std::optional<Seconds> time;  ///< nullopt: it could not subscribe
+  Interruptions interruptions;
+  std::vector<DeviceStream> streams;
+};
+
 /// Connects, subscribes, listens and passes every message to the check. Connects again when the
 /// connection is lost.
 class Listener final {
@@ -53,8 +62,7 @@ class Listener final {
         connection_(config, kMaxPayload, std::min(listen + kBrokerPatience, kMostKept)) {}
 
   /// Runs until the time is up, a signal arrives, or no server can be listened to at the start.
-  /// Returns an empty text if it listened to the end, else the reason.
-  std::string run() {
+  Reception run() {
     connect_to(0);
     while (!over_) {
       const bool goes_on = connection_.wait_until(std::min(deadline_, timer_));
@@ -68,20 +76,16 @@ class Listener final {
       }
       if (Clock::now() >= timer_) timer_fired();
     }
-    ended_ = Clock::now();
+    const SteadyTime ended = Clock::now();
     // The session outlives this program. Without subscriptions the broker queues nothing in it.
     for (const std::string& filter : filters_) connection_.broker().unsubscribe(filter);
-    if (lost_at_) interruptions_.total += ended_ - *lost_at_;
-    return fault_;
+    if (lost_at_) interruptions_.total += ended - *lost_at_;
+    return {fault_, server(), begun_ ? std::optional<Seconds>(ended - *begun_) : std::nullopt,
+            interruptions_, check_.report()};
   }
 
-  const std::string& server() const { return servers_.at(server_); }
-  bool has_listened() const { return begun_.has_value(); }
-  Seconds listened() const { return begun_ ? Seconds(ended_ - *begun_) : Seconds(0); }
-  const Interruptions& interruptions() const { return interruptions_; }
-  std::vector<DeviceStream> report() const { return check_.report(); }
-
  private:
+  const std::string& server() const { return servers_.at(server_); }
   void on(const Connected& event) {
     subscribed_ = 0;
     timer_ = Clock::now() + kBrokerPatience;
@@ -173,7 +177,6 @@ class Listener final {
   bool session_lost_ = false;          ///< in this interruption
   Interruptions interruptions_;
   std::optional<SteadyTime> begun_;
-  SteadyTime ended_{};
   bool over_ = false;
   std::string fault_;
   WaitingBroker connection_;  // last, so that it is destroyed first
@@ -286,35 +289,36 @@ void print(const DeviceStream& stream) {
   }
 }
 
+bool has_samples(const std::vector<DeviceStream>& streams) {
+  return std::ranges::any_of(streams,
+                             [](const DeviceStream& stream) { return stream.seen.has_value(); });
+}
+
 /// Status of what the streams prove.
 int status_of(const std::vector<DeviceStream>& streams) {
-  const bool any = std::ranges::any_of(
-      streams, [](const DeviceStream& stream) { return stream.seen.has_value(); });
-  if (!any || !std::ranges::all_of(streams, &DeviceStream::is_sound)) return kFailed;
+  if (!has_samples(streams) || !std::ranges::all_of(streams, &DeviceStream::is_sound))
+    return kFailed;
   return std::ranges::all_of(streams, &DeviceStream::is_whole) ? kDone : kNotProvable;
 }
 
-void print_json(const Listener& listener, const std::string& base, const std::string& fault,
-                const std::vector<DeviceStream>& streams) {
+void print_json(const Reception& heard, const std::string& base) {
   OrderedJson out;
-  out["ok"] = fault.empty() && status_of(streams) == kDone;
-  out["error"] = fault.empty() ? OrderedJson() : OrderedJson(fault);
+  out["ok"] = heard.fault.empty() && status_of(heard.streams) == kDone;
+  out["error"] = or_null(heard.fault);
   out["base"] = base;
-  out["server"] = listener.server();
-  out["seconds"] = tenth(listener.listened().count());
-  const Interruptions& away = listener.interruptions();
+  out["server"] = heard.server;
+  out["seconds"] = tenth(heard.time->count());
+  const Interruptions& away = heard.interruptions;
   out["interruptions"] = {
       {"count", away.count}, {"seconds", tenth(away.total.count())}, {"unkept", away.unkept}};
   auto& devices = out["devices"] = OrderedJson::array();
-  for (const DeviceStream& stream : streams) devices.push_back(json_of(stream));
+  for (const DeviceStream& stream : heard.streams) devices.push_back(json_of(stream));
   std::cout << dumped(out) << '\n';
 }
 
-void print_text(const Listener& listener, const std::string& base,
-                const std::vector<DeviceStream>& streams) {
-  std::cout << base << " on " << listener.server() << ", " << tenth(listener.listened().count())
-            << " s\n";
-  const Interruptions& away = listener.interruptions();
+void print_text(const Reception& heard, const std::string& base) {
+  std::cout << base << " on " << heard.server << ", " << tenth(heard.time->count()) << " s\n";
+  const Interruptions& away = heard.interruptions;
   if (away.count > 0) {
     std::cout << "interruptions: " << away.count << ", " << tenth(away.total.count()) << " s; ";
     if (away.unkept == 0)
@@ -323,8 +327,8 @@ void print_text(const Listener& listener, const std::string& base,
       std::cout << "in " << away.unkept
                 << " of them the broker kept no messages: is its persistence on?\n";
   }
-  for (const DeviceStream& stream : streams) print(stream);
-  if (std::ranges::none_of(streams, [](const auto& stream) { return stream.seen.has_value(); }))
+  for (const DeviceStream& stream : heard.streams) print(stream);
+  if (!has_samples(heard.streams))
     std::cout << "no sample was received at all: is the agent running, and may this user read "
               << base << "/+/data/#?\n";
 }
@@ -333,21 +337,16 @@ void print_text(const Listener& listener, const std::string& base,
 
 int run_verify_stream(const Config& config, const VerifyStream& what) {
   log::set_level(log::Level::error);
+  const std::string base = config.base_topic();
   const bool keeps_numbers = !config.store.path.empty() && config.store.sync_always;
-  Listener listener(connection_of(config.mqtt, what), config.base_topic(),
-                    StreamCheck(config.base_topic(), sending_devices(config),
-                                keeps_numbers ? BootSkip::is_loss : BootSkip::allowed),
-                    what.listen);
-  const std::string fault = listener.run();
-  if (!fault.empty()) std::cerr << "verify-stream: " << fault << '\n';
-  if (!listener.has_listened()) return kNotListened;
-
-  const auto streams = listener.report();
-  if (what.as_json)
-    print_json(listener, config.base_topic(), fault, streams);
-  else
-    print_text(listener, config.base_topic(), streams);
-  return fault.empty() ? status_of(streams) : kNotListened;
+  StreamCheck check(base, sending_devices(config),
+                    keeps_numbers ? BootSkip::is_loss : BootSkip::allowed);
+  Listener listener(connection_of(config.mqtt, what), base, std::move(check), what.listen);
+  const Reception heard = listener.run();
+  if (!heard.fault.empty()) std::cerr << "verify-stream: " << heard.fault << '\n';
+  if (!heard.time) return kNotListened;
+  what.as_json ? print_json(heard, base) : print_text(heard, base);
+  return heard.fault.empty() ? status_of(heard.streams) : kNotListened;
 }
 
 }  // namespace fxagent
