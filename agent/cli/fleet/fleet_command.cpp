@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cstdint>
 #include <fstream>
+#include <functional>
 #include <iostream>
 #include <iterator>
 #include <optional>
@@ -75,30 +76,17 @@ class FleetSession final {
     return fault_;
   }
 
-  /// Sends each document and waits for its answer, until the rollout is over. `print` is called
-  /// for each batch that begins, and for each push that is decided. Returns a fault, or an empty
-  /// text.
-  template <class Batch, class Decided>
-  std::string push(Rollout& rollout, const Batch& batch_begins, const Decided& decided) {
-    const std::vector<Push>& pushes = rollout.pushes();
-    std::set<std::size_t> reported;
-    const auto report_until = [&](std::size_t end) {
-      for (std::size_t i = 0; i < end; ++i)
-        if (pushes[i].is_decided() && reported.insert(i).second) decided(pushes[i]);
-    };
-    std::size_t batch = 0;
+  /// Sends each document and waits for its answer, until the rollout is over. Calls `progress`
+  /// after each step of the rollout. Returns a fault, or an empty text.
+  std::string push(Rollout& rollout, const std::function<void()>& progress) {
     rollout_ = &rollout;
     while (fault_.empty()) {
       const std::vector<std::size_t> due = rollout.advance(fleet_, Clock::now());
-      if (rollout.batch() > batch) {
-        report_until(rollout.begin());
-        batch = rollout.batch();
-        batch_begins(rollout);
-      }
-      report_until(pushes.size());
+      progress();
       if (rollout.is_over()) break;
       for (const std::size_t i : due) {
-        Publication document = retained(fleet_.desired_topic(pushes[i].agent), pushes[i].document);
+        const Push& push = rollout.pushes()[i];
+        Publication document = retained(fleet_.desired_topic(push.agent), push.document);
         document.id = i;
         connection_.broker().publish(std::move(document));
       }
@@ -279,18 +267,11 @@ int push(const FleetQuestion& what, FleetSession& session) {
     });
     return all_online || what.skip_offline ? kDone : kFailed;
   }
-  std::size_t width = 0;
-  for (const Push& each : *pushes) width = std::max(width, each.agent.size());
   Rollout rollout(std::move(*pushes), rules);
-  const std::string fault = session.push(
-      rollout,
-      [&](const Rollout& begun) {
-        if (!what.as_json)
-          std::cout << "batch " << begun.batch() << " of " << begun.batches() << std::endl;
-      },
-      [&](const Push& decided) {
-        if (!what.as_json) std::cout << push_text(decided, width) << std::flush;
-      });
+  RolloutLines lines(rollout);
+  const std::string fault = session.push(rollout, [&] {
+    if (!what.as_json) std::cout << lines.take() << std::flush;
+  });
   if (!fault.empty()) refused("fleet", fault);
   std::cout << (what.as_json ? rollout_json(rollout, fault) : rollout_sum(rollout));
   if (!fault.empty()) return kWrong;

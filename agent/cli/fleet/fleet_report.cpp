@@ -190,10 +190,30 @@ std::string fleet_json(const Fleet& fleet) {
   return dumped(out) + "\n";
 }
 
-std::string push_text(const Push& push, std::size_t name_width) {
-  std::string name = plain(push.agent);
-  name.resize(std::max(name.size(), name_width), ' ');
-  return "  " + name + "  " + text_of(push.outcome) + "\n" + reasons(push.why, "    ");
+RolloutLines::RolloutLines(const Rollout& rollout) : rollout_(rollout) {
+  for (const Push& push : rollout.pushes()) name_width_ = std::max(name_width_, push.agent.size());
+}
+
+std::string RolloutLines::take() {
+  std::string lines;
+  if (rollout_.batch() > batch_) {
+    lines = decided_until(rollout_.begin());
+    batch_ = rollout_.batch();
+    lines += "batch " + std::to_string(batch_) + " of " + std::to_string(rollout_.batches()) + "\n";
+  }
+  return lines + decided_until(rollout_.pushes().size());
+}
+
+std::string RolloutLines::decided_until(std::size_t end) {
+  std::string lines;
+  for (std::size_t i = 0; i < end; ++i) {
+    const Push& push = rollout_.pushes()[i];
+    if (!push.is_decided() || !reported_.insert(i).second) continue;
+    std::string name = plain(push.agent);
+    name.resize(std::max(name.size(), name_width_), ' ');
+    lines += "  " + name + "  " + text_of(push.outcome) + "\n" + reasons(push.why, "    ");
+  }
+  return lines;
 }
 
 std::string rollout_sum(const Rollout& rollout) {

@@ -1,8 +1,10 @@
 // The output of `fxagent fleet`. Pure.
 #pragma once
 
-#include <cstdint>
+#include <cstddef>
+#include <set>
 #include <string>
+#include <vector>
 
 #include "agent/cli/fleet/fleet.h"
 #include "agent/cli/fleet/rollout.h"
@@ -17,8 +19,23 @@ std::string fleet_text(const Fleet& fleet);
 /// Returns the same as one JSON object, with a newline at its end.
 std::string fleet_json(const Fleet& fleet);
 
-/// Returns the line of an agent in a rollout, and below it the reasons.
-std::string push_text(const Push& push, std::size_t name_width);
+/// The lines of a rollout in progress.
+class RolloutLines final {
+ public:
+  /// `rollout` must outlive the object.
+  explicit RolloutLines(const Rollout& rollout);
+  /// Returns the lines that are new since the last call: each batch as it begins, and each agent
+  /// once it is decided, with the reasons below it. Call after each advance() of the rollout.
+  std::string take();
+
+ private:
+  std::string decided_until(std::size_t end);
+
+  const Rollout& rollout_;
+  std::size_t name_width_ = 0;
+  std::size_t batch_ = 0;
+  std::set<std::size_t> reported_;  ///< indexes in Rollout::pushes()
+};
 /// Returns the last lines of a rollout: who has the document, who refused it, who got none.
 std::string rollout_sum(const Rollout& rollout);
 /// Returns the rollout as one JSON object, with a newline at its end.

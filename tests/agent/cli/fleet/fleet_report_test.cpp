@@ -81,7 +81,7 @@ TEST(FleetReport, JsonHasEveryFieldOfEachAgent) {
   EXPECT_EQ(made["agents"][2]["since"], nullptr);
 }
 
-TEST(FleetReport, SumOfARolloutNamesEachOutcome) {
+TEST(FleetReport, LinesAndSumOfARolloutNameEachOutcome) {
   std::vector<Push> pushes(3);
   for (std::size_t i = 0; i < pushes.size(); ++i) {
     pushes[i].agent = "edge" + std::to_string(i + 1);
@@ -89,12 +89,18 @@ TEST(FleetReport, SumOfARolloutNamesEachOutcome) {
     pushes[i].hash = short_hash(kSent);
   }
   Rollout rollout(pushes, {});
+  RolloutLines lines(rollout);
   const Fleet fleet = three_agents();
-  for (int i = 0; i < 4; ++i) rollout.advance(fleet, {});
+  std::string said;
+  for (int i = 0; i < 4; ++i) {
+    rollout.advance(fleet, {});
+    said += lines.take();
+  }
+  EXPECT_EQ(said,
+            "batch 1 of 3\n  edge1  accepted\nbatch 2 of 3\n  edge2  refused\n"
+            "    /devices/0/link: there is no link \"line9\"\n");
   EXPECT_EQ(rollout_sum(rollout),
             "STOPPED: 1 of 3 accepted\naccepted: edge1\nrefused: edge2\nnot sent: edge3\n");
-  EXPECT_EQ(push_text(rollout.pushes()[1], 6),
-            "  edge2   refused\n    /devices/0/link: there is no link \"line9\"\n");
   const auto made = nlohmann::json::parse(rollout_json(rollout, ""));
   EXPECT_EQ(made["agents"][2]["outcome"], "not_sent");
 }
