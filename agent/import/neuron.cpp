@@ -187,14 +187,24 @@ class NeuronReader {
   Imported read();
 
  private:
+  /// A device of the driver being read.
+  struct Unit {
+    std::size_t device = 0;                          ///< index in out_.devices
+    std::map<std::string_view, std::string> groups;  ///< with their names in the config
+    NameMaker group_names;
+    NameMaker tag_names;
+  };
+
   int line_of(const ConfigNode& node) const { return tree_.line_of(node.offset); }
-  std::string port_of(const Driver& driver, std::string_view protocol);
-  JsonObject serial_of(const Driver& driver, std::string_view protocol);
-  void read_params(const Driver& driver);
-  void read_driver(const Driver& driver);
-  ImportedDevice& device_of(const Driver& driver, std::string_view protocol, std::int64_t unit);
-  void read_tag(const Driver& driver, const Driver::Group& group, const ConfigNode& node,
-                std::string_view protocol);
+  void note(std::string text) { out_.note(line_of(*driver_.node), std::move(text)); }
+  bool is_modbus() const { return protocol_.starts_with("modbus"); }
+  void read_driver();
+  void read_params();
+  std::string port();
+  JsonObject serial_settings();
+  Unit& unit_of(std::int64_t number);
+  const std::string& group_of(const Driver::Group& group, Unit& unit, int line);
+  void read_tag(const Driver::Group& group, const ConfigNode& node);
 
   const ConfigTree& tree_;
   const ImportOptions& options_;
@@ -202,47 +212,45 @@ class NeuronReader {
   LinkTable links_{out_};
   NameMaker device_names_;
   // State of the driver being read:
-  std::string link_;                           ///< empty: not created yet
-  std::string_view order_{};                   ///< default for tags of two registers
-  std::string_view order_64_{};                ///< and of four
-  std::map<std::int64_t, std::size_t> units_;  ///< index in out_.devices
-  std::map<std::size_t, NameMaker> tag_names_;
-  std::map<std::pair<std::size_t, std::string_view>, std::string> groups_;
-  std::map<std::size_t, NameMaker> group_names_;
+  Driver driver_;
+  std::string_view protocol_{};
+  std::string link_;             ///< empty: not created yet
+  std::string_view order_{};     ///< default for tags of two registers
+  std::string_view order_64_{};  ///< and of four
+  std::map<std::int64_t, Unit> units_;
 };
 
-std::string NeuronReader::port_of(const Driver& driver, std::string_view protocol) {
+std::string NeuronReader::port() {
   if (!options_.port.empty()) return options_.port;
-  if (driver.params != nullptr) {
-    const bool is_ethernet = integer_at(*driver.params, "link") == 1;
-    const std::string_view device = text_at(*driver.params, "device");
-    const std::string_view host = text_at(*driver.params, "host");
-    const auto port = integer_at(*driver.params, "port");
+  if (driver_.params != nullptr) {
+    const bool is_ethernet = integer_at(*driver_.params, "link") == 1;
+    const std::string_view device = text_at(*driver_.params, "device");
+    const std::string_view host = text_at(*driver_.params, "host");
+    const auto port = integer_at(*driver_.params, "port");
     if (!is_ethernet && device.starts_with('/')) return std::string(device);
-    if (integer_at(*driver.params, "connection_mode") == 1)
-      out_.note(line_of(*driver.node),
-                "not imported: the device connects to Neuron; an agent connects to the device");
+    if (integer_at(*driver_.params, "connection_mode") == 1)
+      note("not imported: the device connects to Neuron; an agent connects to the device");
     else if (!host.empty() && port)
       return std::string(host) + ":" + std::to_string(*port);
   }
-  out_.note(line_of(*driver.node), "the link is a placeholder: set its port");
-  return placeholder_port(protocol);
+  note("the link is a placeholder: set its port");
+  return placeholder_port(protocol_);
 }
 
 /// Converts the codes of a serial port. A Modbus node defaults to 9600 8N1.
-JsonObject NeuronReader::serial_of(const Driver& driver, std::string_view protocol) {
+JsonObject NeuronReader::serial_settings() {
   JsonObject serial;
-  if (driver.params == nullptr) return serial;
+  if (driver_.params == nullptr) return serial;
   const auto take = [&](std::string_view key, std::string_view ours, std::int64_t usual,
                         const JsonObject& meanings) {
-    auto code = integer_at(*driver.params, key);
-    if (!code && protocol.starts_with("modbus")) code = usual;
+    auto code = integer_at(*driver_.params, key);
+    if (!code && is_modbus()) code = usual;
     if (!code) return;
     if (*code >= 0 && *code < std::ssize(meanings))
       serial[ours] = meanings[static_cast<std::size_t>(*code)];
     else
-      out_.note(line_of(*driver.node), "not imported: " + std::string(key) + " " +
-                                           std::to_string(*code) + ", which has no meaning here");
+      note("not imported: " + std::string(key) + " " + std::to_string(*code) +
+           ", which has no meaning here");
   };
   take("baud", "baud", 4,
        {115200, 57600, 38400, 19200, 9600, 4800, 2400, 1800, 1200, 600, 300, 200, 150});
@@ -252,34 +260,44 @@ JsonObject NeuronReader::serial_of(const Driver& driver, std::string_view protoc
   return serial;
 }
 
-ImportedDevice& NeuronReader::device_of(const Driver& driver, std::string_view protocol,
-                                        std::int64_t unit) {
-  const auto [known, fresh] = units_.try_emplace(unit, out_.devices.size());
-  if (!fresh) return out_.devices[known->second];
-  std::string wanted = options_.device.empty() ? std::string(driver.name) : options_.device;
-  if (units_.size() > 1) wanted += "_" + std::to_string(unit);
-  const std::string name = device_names_.make(wanted, "device", line_of(*driver.node), out_.notes);
+NeuronReader::Unit& NeuronReader::unit_of(std::int64_t number) {
+  const auto [known, fresh] = units_.try_emplace(number);
+  if (!fresh) return known->second;
+  known->second.device = out_.devices.size();
+  std::string wanted = options_.device.empty() ? std::string(driver_.name) : options_.device;
+  if (units_.size() > 1) wanted += "_" + std::to_string(number);
+  const std::string name = device_names_.make(wanted, "device", line_of(*driver_.node), out_.notes);
   if (link_.empty()) {
-    const std::string port = port_of(driver, protocol);
-    const bool is_serial = LinkTable::is_serial(port).value_or(true);
-    link_ = links_.to(port, is_serial ? serial_of(driver, protocol) : JsonObject());
+    const std::string place = port();
+    const bool is_serial = LinkTable::is_serial(place).value_or(true);
+    link_ = links_.to(place, is_serial ? serial_settings() : JsonObject());
   }
-  ImportedDevice device = new_device(name, link_, protocol);
-  if (unit >= 0) device.keys["unit"] = unit;
+  ImportedDevice& device = out_.devices.emplace_back(new_device(name, link_, protocol_));
+  if (number >= 0) device.keys["unit"] = number;
   if (!options_.model.empty()) device.keys["model"] = options_.model;
   const auto put_ms = [&](std::string_view theirs, std::string_view ours) {
-    const auto ms = integer_at(*driver.params, theirs);
+    const auto ms = integer_at(*driver_.params, theirs);
     if (ms && *ms > 0) device.keys[ours] = *ms;
   };
-  if (driver.params != nullptr) {
+  if (driver_.params != nullptr) {
     put_ms("timeout", "timeout_ms");
     put_ms("interval", "gap_ms");
   }
-  return out_.devices.emplace_back(std::move(device));
+  return known->second;
 }
 
-void NeuronReader::read_tag(const Driver& driver, const Driver::Group& group,
-                            const ConfigNode& node, std::string_view protocol) {
+/// Returns the name of the group in the config. `line` is that of its first tag.
+const std::string& NeuronReader::group_of(const Driver::Group& group, Unit& unit, int line) {
+  const auto [known, fresh] = unit.groups.try_emplace(group.name);
+  if (!fresh) return known->second;
+  known->second = unit.group_names.make(group.name, "group", line, out_.notes);
+  JsonObject& made = out_.devices[unit.device].groups.emplace_back();
+  made["name"] = known->second;
+  if (group.interval) made["interval_ms"] = *group.interval;
+  return known->second;
+}
+
+void NeuronReader::read_tag(const Driver::Group& group, const ConfigNode& node) {
   const int line = line_of(node);
   const std::string_view name = text_at(node, "name");
   const auto number = integer_at(node, "type").value_or(0);
@@ -289,24 +307,15 @@ void NeuronReader::read_tag(const Driver& driver, const Driver::Group& group,
                                     ", which a config does not support");
   const std::string_view address = text_at(node, "address");
   const bool is_string = number == kString;
-  auto place = protocol.starts_with("modbus") ? modbus_place(address, is_string)
-                                              : melsec_place(address, is_string);
+  auto place = is_modbus() ? modbus_place(address, is_string) : melsec_place(address, is_string);
   if (!place)
     return out_.leave_out(line, std::string(name) + " has the address \"" + std::string(address) +
                                     "\", which a config does not support");
-  ImportedDevice& device = device_of(driver, protocol, place->unit);
-  const std::size_t index = units_.at(place->unit);
-  const auto [known, fresh] = groups_.try_emplace({index, group.name});
-  if (fresh) {
-    known->second = group_names_[index].make(group.name, "group", line, out_.notes);
-    JsonObject made;
-    made["name"] = known->second;
-    if (group.interval) made["interval_ms"] = *group.interval;
-    device.groups.push_back(std::move(made));
-  }
+  Unit& unit = unit_of(place->unit);
+  const std::string& group_name = group_of(group, unit, line);
   ImportedTag tag{line, {}};
   const std::size_t before = out_.notes.size();
-  tag.keys["name"] = tag_names_[index].make(name, "tag", line, out_.notes);
+  tag.keys["name"] = unit.tag_names.make(name, "tag", line, out_.notes);
   tag.keys["address"] = literal(place->address);
   tag.keys["type"] = type;
   if (place->length > 0) tag.keys["length"] = place->length;
@@ -318,65 +327,66 @@ void NeuronReader::read_tag(const Driver& driver, const Driver::Group& group,
   if (const auto bias = number_at(node, "bias"); bias && *bias != 0)
     tag.keys["offset"] = json_number(*bias);
   if ((integer_at(node, "attribute").value_or(0) & kWrite) != 0) tag.keys["access"] = "read_write";
-  if (const std::string_view unit = text_at(node, "unit"); !unit.empty())
-    tag.keys["unit"] = literal(unit);
+  if (const std::string_view measured = text_at(node, "unit"); !measured.empty())
+    tag.keys["unit"] = literal(measured);
   const bool is_rounded = number_at(node, "precision").value_or(0) != 0;
   note_other_keys(out_, tree_, node, std::string(name),
                   {"name", "address", "type", "attribute", "decimal", "bias", "description", "unit",
                    is_rounded ? "" : "precision"});
   describe(tag, text_at(node, "description"));
-  tag.keys["group"] = known->second;
+  tag.keys["group"] = group_name;
   tag.is_changed = out_.notes.size() > before;
-  device.tags.push_back(std::move(tag));
+  out_.devices[unit.device].tags.push_back(std::move(tag));
 }
 
 /// Reads the settings that apply to all tags of the node.
-void NeuronReader::read_params(const Driver& driver) {
+void NeuronReader::read_params() {
   for (const auto& [key, order] :
        {std::pair("endianess"sv, &order_), std::pair("endianess_64"sv, &order_64_)})
-    if (const auto code = integer_at(*driver.params, key)) {
+    if (const auto code = integer_at(*driver_.params, key)) {
       *order = order_of(*code);
       if (order->empty())
-        out_.note(line_of(*driver.node), "not imported: " + std::string(key) + " " +
-                                             std::to_string(*code) + ", which has no meaning here");
+        note("not imported: " + std::string(key) + " " + std::to_string(*code) +
+             ", which has no meaning here");
     }
-  if (integer_at(*driver.params, "address_base") == 0)
-    out_.note(line_of(*driver.node),
-              "its addresses count from 0, but those of a config from 1: add 1 to each (400000 is "
-              "400001)");
+  if (integer_at(*driver_.params, "address_base") == 0)
+    note(
+        "its addresses count from 0, but those of a config from 1: add 1 to each (400000 is "
+        "400001)");
 }
 
-void NeuronReader::read_driver(const Driver& driver) {
-  const std::string protocol =
-      options_.protocol.empty() ? std::string(protocol_of(driver.plugin)) : options_.protocol;
-  if (protocol.empty()) {
-    if (!driver.groups.empty())
-      out_.note(line_of(*driver.node), "left out: the node " + std::string(driver.name) +
-                                           ", whose plugin \"" + std::string(driver.plugin) +
-                                           "\" has a protocol that the agent does not support");
-    for (const Driver::Group& group : driver.groups) out_.left_out += group.tags.size();
+void NeuronReader::read_driver() {
+  protocol_ = options_.protocol.empty() ? protocol_of(driver_.plugin) : options_.protocol;
+  if (protocol_.empty()) {
+    if (!driver_.groups.empty())
+      note("left out: the node " + std::string(driver_.name) + ", whose plugin \"" +
+           std::string(driver_.plugin) + "\" has a protocol that the agent does not support");
+    for (const Driver::Group& group : driver_.groups) out_.left_out += group.tags.size();
     return;
   }
   units_.clear();
   link_.clear();
   order_ = order_64_ = {};
-  if (driver.params != nullptr && protocol.starts_with("modbus")) read_params(driver);
-  const std::string what = "the node " + std::string(driver.name);
-  note_other_keys(out_, tree_, *driver.node, what,
+  if (driver_.params != nullptr && is_modbus()) read_params();
+  const std::string what = "the node " + std::string(driver_.name);
+  note_other_keys(out_, tree_, *driver_.node, what,
                   {"name", "plugin", "params", "groups", "nodes", "tags", "settings"});
-  if (driver.params != nullptr)
-    note_other_keys(out_, tree_, *driver.params, what,
+  if (driver_.params != nullptr)
+    note_other_keys(out_, tree_, *driver_.params, what,
                     {"link", "device", "host", "port", "connection_mode", "baud", "data", "parity",
                      "stop", "timeout", "interval", "endianess", "endianess_64", "address_base"});
-  for (const Driver::Group& group : driver.groups)
+  for (const Driver::Group& group : driver_.groups)
     note_other_keys(out_, tree_, *group.node, "the group " + std::string(group.name),
                     {"driver", "group", "name", "interval", "tags"});
-  for (const Driver::Group& group : driver.groups)
-    for (const ConfigNode* tag : group.tags) read_tag(driver, group, *tag, protocol);
+  for (const Driver::Group& group : driver_.groups)
+    for (const ConfigNode* tag : group.tags) read_tag(group, *tag);
 }
 
 Imported NeuronReader::read() {
-  for (const Driver& driver : drivers_of(tree_.root())) read_driver(driver);
+  for (Driver& driver : drivers_of(tree_.root())) {
+    driver_ = std::move(driver);
+    read_driver();
+  }
   return std::move(out_);
 }
 
