@@ -278,32 +278,31 @@ std::pair<CommandResult, Bytes> read_words(DirectLine& line, const Address& addr
   return {std::move(result), std::move(image)};
 }
 
-/// Reads one tag or address into `report`. A value whose word order may be wrong is read as plain
-/// words, so that every order can be shown. `target` is as the caller gave it.
+/// Reads the point as plain words, so that its value can be shown in every word order.
+CommandResult read_by_words(DirectLine& line, const Point& point, Bytes& image) {
+  CommandResult result;
+  std::tie(result, image) = read_words(line, point.address, span_of(point)->bits / kWordBits);
+  auto& value = result.targets.front().value;
+  value.reset();
+  if (image.empty()) return result;
+  if (auto read = in_order(point, image, point.order))
+    value = std::move(*read);
+  else
+    set_outcome(result, CommandStatus::failed, Reason::bad_value, read.error().text);
+  return result;
+}
+
+/// Reads one tag or address into `report`. `target` is as the caller gave it; for a tag it has
+/// neither type nor count.
 CommandResult read_one(DirectLine& line, const std::string& name, const CommandTarget& target,
                        ReadReport& report) {
-  const DeviceConfig& device = line.device();
   report.name = name;
-  if (const TagConfig* tag = tag_named(name, device)) report.units = tag->units;
-  const auto point = point_of(name, target, device, line.codec());
-  const bool by_words = point && has_word_order(*point);
-  CommandResult result;
-  if (by_words) {
-    report.point = point;
-    std::tie(result, report.image) =
-        read_words(line, point->address, span_of(*point)->bits / kWordBits);
-  } else {
-    result = line.carry_out(Op::read, name, target);
-  }
-  TargetResult& out = result.targets.front();
-  if (by_words) out.value.reset();
-  if (!report.image.empty()) {
-    auto value = unpack(*point, report.image, point->address.span.first_bit);
-    if (value)
-      out.value = std::move(*value);
-    else
-      set_outcome(result, CommandStatus::failed, Reason::bad_value, value.error().text);
-  }
+  if (const TagConfig* tag = tag_named(name, line.device())) report.units = tag->units;
+  const auto point = point_of(name, target, line.device(), line.codec());
+  if (point && has_word_order(*point)) report.point = point;
+  CommandResult result = report.point ? read_by_words(line, *report.point, report.image)
+                                      : line.carry_out(Op::read, name, target);
+  const TargetResult& out = result.targets.front();
   report.address = out.address;
   report.reason = to_string(result.reason);
   report.detail = result.detail;
@@ -354,12 +353,12 @@ CommandResult read_every_type(DirectLine& line, const std::string& name, const A
     point.count = static_cast<std::uint16_t>(point.is_array ? fitting : 1);
     ReadReport& report = reports.emplace_back(read);
     report.point = point;
-    auto value = unpack(point, report.image, address.span.first_bit);
-    if (value)
+    if (auto value = in_order(point, report.image, point.order)) {
       report.value = std::move(*value);
-    else
-      std::tie(report.reason, report.detail) =
-          std::pair(to_string(Reason::bad_value), value.error().text);
+    } else {
+      report.reason = to_string(Reason::bad_value);
+      report.detail = value.error().text;
+    }
   }
   return std::move(result);
 }
@@ -373,12 +372,8 @@ int run_reads(DirectLine& line, const OneShot& what, const CommandTarget& target
   std::chrono::nanoseconds wire{0};
   for (const std::string& name : names) {
     const auto word = what.orders ? untyped_word(line, name, target) : std::nullopt;
-    CommandTarget of_tag;
-    of_tag.order = target.order;
-    const bool is_tag = tag_named(name, line.device()) != nullptr;
-    const CommandResult result =
-        word ? read_every_type(line, name, *word, target, reports)
-             : read_one(line, name, is_tag ? of_tag : target, reports.emplace_back());
+    const CommandResult result = word ? read_every_type(line, name, *word, target, reports)
+                                      : read_one(line, name, target, reports.emplace_back());
     status = std::max(status, exit_status(result));
     wire += result.wire;
     if (is_silent(result)) break;
