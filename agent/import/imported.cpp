@@ -7,6 +7,7 @@
 #include <ranges>
 
 #include "agent/config/json/pretty.h"
+#include "agent/config/keys.h"
 #include "agent/config/loader.h"
 #include "agent/text/json.h"
 #include "agent/text/json_writer.h"
@@ -21,7 +22,7 @@ using Kind = ConfigNode::Kind;
 using std::string_view_literals::operator""sv;
 
 constexpr std::size_t kLongestName = 64;
-constexpr std::int64_t kLongestInterval = 86'400'000;
+constexpr std::int64_t kLongestInterval = config_key("devices[].groups[].interval_ms").limits.max;
 constexpr std::int64_t kModbusAddresses = 65536;
 constexpr int kPorts = 65536;
 constexpr auto kExact = static_cast<double>(json::kMaxExactInteger);
