@@ -136,4 +136,10 @@ std::size_t csv_column(const CsvRow& head, std::string_view name) {
   return std::string::npos;
 }
 
+bool has_columns(const std::vector<CsvRow>& rows, std::initializer_list<std::string_view> names) {
+  return !rows.empty() && std::ranges::all_of(names, [&](std::string_view name) {
+    return csv_column(rows.front(), name) != std::string::npos;
+  });
+}
+
 }  // namespace fxagent

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <initializer_list>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -36,5 +37,7 @@ std::string csv_cell(const std::optional<std::string>& value);
 
 /// Returns the index of the column in the header row, ignoring case and blanks; npos: not found.
 std::size_t csv_column(const CsvRow& head, std::string_view name);
+/// True if the first row is a header row with all these columns.
+bool has_columns(const std::vector<CsvRow>& rows, std::initializer_list<std::string_view> names);
 
 }  // namespace fxagent

@@ -180,12 +180,11 @@ ImportResult import_kepware(std::string_view text, const ImportOptions& options)
   if (!rows) return tl::unexpected(rows.error());
   if (rows->empty()) return tl::unexpected(ImportFault{0, "has no rows"});
   const CsvRow& head = rows->front();
-  const std::size_t address = csv_column(head, "Address");
-  if (csv_column(head, "Tag Name") == std::string::npos || address == std::string::npos)
+  if (!has_columns(*rows, {"Tag Name", "Address"}))
     return tl::unexpected(ImportFault{head.line, "has no columns \"Tag Name\" and \"Address\""});
 
   const auto numeric = std::ranges::count_if(rows->begin() + 1, rows->end(), [&](const auto& row) {
-    return begins_with_digit(row.at(address));
+    return begins_with_digit(row.at(csv_column(head, "Address")));
   });
   const bool is_modbus = 2 * static_cast<std::size_t>(numeric) > rows->size() - 1;
   Imported out;

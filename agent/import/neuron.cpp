@@ -393,10 +393,7 @@ Imported NeuronReader::read() {
 /// True for the sheet that a tag page exports and imports, or takes as a template. Every sheet has
 /// these columns.
 bool is_sheet(const std::vector<CsvRow>& rows) {
-  constexpr std::array kNeeded{"name"sv, "address"sv, "attribute"sv, "type"sv};
-  return !rows.empty() && std::ranges::all_of(kNeeded, [&](std::string_view title) {
-    return csv_column(rows.front(), title) != std::string::npos;
-  });
+  return has_columns(rows, {"name", "address", "attribute", "type"});
 }
 
 /// Converts the sheet to a node in JSON, with each tag on the line of its row.

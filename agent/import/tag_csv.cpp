@@ -61,9 +61,9 @@ void add_row(std::string& out, std::string_view name, const ConfigNode& node) {
 }
 
 /// Returns the names of entries whose tags may go into rows: those that occur once.
-std::set<std::string_view> names_for_rows(const ConfigNode& devices) {
+std::set<std::string_view> names_for_rows(const std::vector<ConfigNode>& devices) {
   std::map<std::string_view, int> times;
-  for (const ConfigNode& device : devices.children) ++times[text_at(device, "name")];
+  for (const ConfigNode& device : devices) ++times[text_at(device, "name")];
   std::set<std::string_view> names;
   for (const auto& [name, count] : times)
     if (count == 1 && !name.empty() && !name.starts_with('#')) names.insert(name);
@@ -86,6 +86,11 @@ bool is_json_of(const ConfigKey& key, const std::string& text) {
   if (!tree) return false;
   const Kind kind = tree->root().kind;
   return key.is_number() ? kind == Kind::integer || kind == Kind::number : kind == Kind::object;
+}
+
+bool has_tags(const std::vector<CsvRow>& rows) {
+  // Only Neuron's sheet has an attribute.
+  return has_columns(rows, {"name", "address"}) && !has_columns(rows, {"attribute"});
 }
 
 class TagCsvReader {
@@ -207,13 +212,13 @@ std::string export_csv(std::string_view text) {
   std::string out(kDeviceColumn);
   for (const ConfigKey& key : tag_keys()) out += "," + std::string(key.name);
   out += "\n";
-  const ConfigNode* devices = top.find("devices");
   std::string sections;
   for (const ConfigNode& member : top.children)
     if (member.key != "links" && member.key != "devices") add_row(sections, member.key, member);
   for (const ConfigNode& link : children_at(top, "links")) add_row(sections, "link", link);
-  const auto names = names_for_rows(*devices);
-  for (const ConfigNode& node : devices->children) {
+  const auto& devices = children_at(top, "devices");
+  const auto names = names_for_rows(devices);
+  for (const ConfigNode& node : devices) {
     const auto& tags = children_at(node, "tags");
     const bool in_rows = names.contains(text_at(node, "name")) && !tags.empty() &&
                          std::ranges::all_of(tags, fits_a_row);
@@ -229,17 +234,13 @@ std::string export_csv(std::string_view text) {
 
 bool is_tag_csv(std::string_view text) {
   const auto rows = read_csv(text);
-  if (!rows || rows->empty()) return false;
-  const auto has = [&](std::string_view name) {
-    return csv_column(rows->front(), name) != std::string::npos;
-  };
-  return has("name") && has("address") && !has("attribute");  // only Neuron's sheet has that one
+  return rows && has_tags(*rows);
 }
 
 ImportResult import_tag_csv(std::string_view text, const ImportOptions& options) {
   const auto rows = read_csv(text);
   if (!rows) return tl::unexpected(rows.error());
-  if (!is_tag_csv(text))
+  if (!has_tags(*rows))
     return tl::unexpected(ImportFault{0, "has no columns \"name\" and \"address\""});
   return TagCsvReader(options).read(*rows);
 }
