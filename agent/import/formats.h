@@ -11,9 +11,8 @@
 namespace fxagent {
 
 struct ImportFormat {
-  std::string_view name;     ///< as given on the command line
-  std::string_view meaning;  ///< one line for --help
-  const char* legacy;        ///< iconv name of the encoding of files that are not Unicode
+  std::string_view name;  ///< as given on the command line
+  const char* legacy;     ///< iconv name of the encoding of files that are not Unicode
   /// True if the UTF-8 text is certainly of this format.
   bool (*is_it)(std::string_view text);
   ImportResult (*read)(std::string_view text, const ImportOptions& options);
@@ -61,16 +60,12 @@ inline std::span<const ImportFormat> import_formats() {
   // Formats with an unmistakable header come first: the header word of GX also occurs in cells of
   // other formats.
   static constexpr auto kFormats = std::to_array<ImportFormat>(
-      {{"kepware", "Tags of KEPServerEX (CSV)", "WINDOWS-1252", is_kepware, import_kepware},
-       {"csv", "Tags, as export --csv writes them", "WINDOWS-1252", is_tag_csv, import_tag_csv},
-       {"gx", "Device comments of GX Developer, GX Works2 or GX Works3 (CSV)", "CP932",
-        is_gx_comments, import_gx_comments},
-       {"neuron", "Nodes of Neuron (JSON), or its sheet of tags (CSV)", "WINDOWS-1252", is_neuron,
-        import_neuron},
-       {"thingsboard", "modbus.json of the ThingsBoard gateway", "WINDOWS-1252", is_thingsboard,
-        import_thingsboard},
-       {"telegraf", "inputs.modbus of Telegraf (TOML)", "WINDOWS-1252", is_telegraf,
-        import_telegraf}});
+      {{"kepware", "WINDOWS-1252", is_kepware, import_kepware},
+       {"csv", "WINDOWS-1252", is_tag_csv, import_tag_csv},
+       {"gx", "CP932", is_gx_comments, import_gx_comments},
+       {"neuron", "WINDOWS-1252", is_neuron, import_neuron},
+       {"thingsboard", "WINDOWS-1252", is_thingsboard, import_thingsboard},
+       {"telegraf", "WINDOWS-1252", is_telegraf, import_telegraf}});
   return kFormats;
 }
 
