@@ -78,11 +78,12 @@ tl::expected<PasswordFile, std::string> create_password_file(const std::string& 
     if (const passwd* entry = entry_of(owner))
       done = ::fchown(file, entry->pw_uid, entry->pw_gid) == 0;
   const std::string text = password.empty() ? password : password + "\n";
-  done = done && write_all(file, text);
   struct stat made {};
-  done = done && ::fstat(file, &made) == 0;
-  return done ? tl::expected<PasswordFile, std::string>(PasswordFile{true, name_of(made.st_uid)})
-              : failed();
+  if (done && write_all(file, text) && ::fstat(file, &made) == 0)
+    return PasswordFile{true, name_of(made.st_uid)};
+  auto fault = failed();
+  ::unlink(path.c_str());  // the next call would take it for a whole one
+  return fault;
 }
 
 }  // namespace fxagent

@@ -2,9 +2,11 @@
 #include "agent/cli/setup/init_machine.h"
 
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <csignal>
 #include <fstream>
 #include <iterator>
 
@@ -54,6 +56,21 @@ TEST_F(PasswordFiles, OneThatIsThereStaysAsItIs) {
   ASSERT_TRUE(made) << made.error();
   EXPECT_FALSE(made->is_new);
   EXPECT_EQ(text(), "mine");
+}
+
+TEST_F(PasswordFiles, ADiskThatRefusesLeavesNone) {
+  rlimit before{};
+  ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &before), 0);
+  const auto heard = std::signal(SIGXFSZ, SIG_IGN);
+  rlimit full = before;
+  full.rlim_cur = 4;
+  ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &full), 0);
+  const auto made = create_password_file(path, "se cret", "no-such-user");
+  ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &before), 0);
+  std::signal(SIGXFSZ, heard);
+  ASSERT_FALSE(made);
+  EXPECT_EQ(made.error(), path + " cannot be created: File too large");
+  EXPECT_NE(::access(path.c_str(), F_OK), 0);
 }
 
 TEST_F(PasswordFiles, WhyItCannotBeCreatedIsSaid) {
