@@ -120,7 +120,8 @@ class Fleet(PlantTest):
         broken = write_text(os.path.join(self.directory, "broken.json"), '{"version": "v9", "config": ')
         for call in (("push", broken, "--all"), ("push", new), ("push", "--all"), ("status", new),
                      ("push", new, "--agents", "edge1,edge1"), ("push", new, "--agents", "a/b"),
-                     ("push", os.path.join(self.directory, "{agent}.json"), "--agents", "edge1"), ("fly",)):
+                     ("push", os.path.join(self.directory, "{agent}.json"), "--agents", "edge1"),
+                     ("push", self.directory, "--agents", "edge1"), ("fly",)):
             with self.subTest(call):
                 status, out, err = self.fleet(*call)
                 self.assertEqual((status, out), (2, ""))

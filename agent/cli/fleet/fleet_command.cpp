@@ -3,10 +3,8 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdint>
-#include <fstream>
 #include <functional>
 #include <iostream>
-#include <iterator>
 #include <optional>
 #include <set>
 #include <string_view>
@@ -21,6 +19,7 @@
 #include "agent/config/config_error.h"
 #include "agent/config/read/reader.h"
 #include "agent/config/read/sections.h"
+#include "agent/config/source.h"
 #include "agent/log/log.h"
 #include "agent/remote/desired_config.h"
 #include "agent/text/text.h"
@@ -178,19 +177,17 @@ tl::expected<Push, std::string> document_for(const std::string& agent, std::stri
   constexpr std::string_view kName = "{agent}";
   for (auto at = path.find(kName); at != path.npos; at = path.find(kName, at + agent.size()))
     path.replace(at, kName.size(), agent);
-  std::ifstream file(path, std::ios::binary);
-  Push push;
-  push.agent = agent;
-  push.document.assign(std::istreambuf_iterator<char>(file), {});
-  if (!file) return tl::unexpected(path + " cannot be read");
-  const ReadDesired read = read_desired(push.document);
+  const auto document = read_config_file(path);
+  if (!document) return tl::unexpected(path + " cannot be read");
+  const ReadDesired read = read_desired(*document);
   std::string faults;
   for (const ConfigError& error : read.errors)
     faults += (faults.empty() ? "" : "\n") + to_string(error, path);
   if (!faults.empty()) return tl::unexpected(faults);
-  push.version = read.desired.version;
-  push.hash = read.desired.hash;
-  return push;
+  return Push{.agent = agent,
+              .document = *document,
+              .version = read.desired.version,
+              .hash = read.desired.hash};
 }
 
 /// Returns what is wrong with the call; empty: nothing.

@@ -31,7 +31,7 @@ struct Push {
   std::string version;
   std::string hash;  ///< of the document
   Outcome outcome = Outcome::not_sent;
-  std::vector<std::string> why;  ///< of an outcome that is not `accepted`
+  std::vector<std::string> why{};  ///< of an outcome that is not `accepted`
 
   bool is_decided() const { return outcome != Outcome::not_sent && outcome != Outcome::waits; }
   bool is_good() const { return outcome == Outcome::accepted || outcome == Outcome::left_out; }

@@ -17,6 +17,7 @@
 #include "agent/cli/exit_status.h"
 #include "agent/cli/setup/init_machine.h"
 #include "agent/config/loader.h"
+#include "agent/config/source.h"
 #include "agent/import/imported.h"
 #include "agent/text/text.h"
 
@@ -191,9 +192,9 @@ void ask_for(InitAnswers& answers) {
 
 /// True for the config that the package installs, or any other without links and devices.
 bool is_of_no_plant(const fs::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  const std::string text{std::istreambuf_iterator<char>(in), {}};
-  const auto config = parse_config(text);
+  const auto text = read_config_file(path.string());
+  if (!text) return false;
+  const auto config = parse_config(*text);
   return config && config->links.empty() && config->devices.empty();
 }
 
