@@ -1,7 +1,6 @@
 #include "agent/cli/subcommands.h"
 
 #include <iostream>
-#include <nlohmann/json.hpp>
 #include <optional>
 
 #include "agent/cli/describe/documents.h"

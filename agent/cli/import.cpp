@@ -7,7 +7,6 @@
 
 #include "agent/cli/exit_status.h"
 #include "agent/config/model.h"
-#include "agent/config/read/reader.h"
 #include "agent/config/source.h"
 #include "agent/config/suggestions.h"
 #include "agent/import/formats.h"

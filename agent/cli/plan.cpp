@@ -5,7 +5,6 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 #include <set>
-#include <utility>
 
 #include "agent/cli/exit_status.h"
 #include "agent/cli/report/layout.h"

@@ -5,7 +5,6 @@
 #include <unistd.h>
 
 #include <fstream>
-#include <utility>
 
 #include "agent/commands/audit_records.h"
 #include "agent/commands/result.h"

@@ -13,7 +13,6 @@
 #include "agent/text/json.h"
 #include "agent/text/text.h"
 #include "protocol/value/pack.h"
-#include "protocol/value/word_order.h"
 
 namespace fxagent {
 namespace {

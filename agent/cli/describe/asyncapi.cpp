@@ -1,12 +1,10 @@
 #include "agent/cli/describe/documents.h"
 
-#include <algorithm>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <string>
 #include <utility>
-#include <vector>
 
 #include "agent/cli/describe/payloads.h"
 #include "agent/cli/describe/topics.h"

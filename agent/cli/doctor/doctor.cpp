@@ -31,7 +31,6 @@
 #include "protocol/checklist.h"
 #include "protocol/plan/plan.h"
 #include "protocol/plc.h"
-#include "protocol/value/pack.h"
 #include "protocol/value/word_order.h"
 
 namespace fxagent {

@@ -4,7 +4,6 @@
 
 #include "agent/cli/report/read_report.h"
 #include "protocol/plc.h"
-#include "protocol/value/pack.h"
 
 namespace fxagent {
 namespace {

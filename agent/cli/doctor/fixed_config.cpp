@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <functional>
-#include <nlohmann/json.hpp>
 
 #include "agent/config/json/syntax_fault.h"
 #include "agent/config/json/tree.h"

@@ -17,7 +17,6 @@
 #include "agent/cli/fleet/rollout.h"
 #include "agent/cli/waiting_broker.h"
 #include "agent/config/config_error.h"
-#include "agent/config/read/reader.h"
 #include "agent/config/read/sections.h"
 #include "agent/config/source.h"
 #include "agent/log/log.h"

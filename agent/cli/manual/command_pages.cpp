@@ -1,7 +1,6 @@
 #include "agent/cli/manual/command_pages.h"
 
 #include <CLI/App.hpp>
-#include <algorithm>
 #include <array>
 #include <filesystem>
 #include <fstream>

@@ -10,14 +10,12 @@
 #include <fstream>
 #include <iostream>
 #include <iterator>
-#include <nlohmann/json.hpp>
 #include <string_view>
 #include <system_error>
 #include <thread>
 
 #include "agent/cli/exit_status.h"
 #include "agent/cli/recording/replay_report.h"
-#include "agent/config/config_error.h"
 #include "agent/config/json/tree.h"
 #include "agent/config/suggestions.h"
 #include "agent/recorder/recording_files.h"

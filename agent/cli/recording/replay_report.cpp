@@ -1,7 +1,6 @@
 #include "agent/cli/recording/replay_report.h"
 
 #include <algorithm>
-#include <array>
 #include <nlohmann/json.hpp>
 #include <string_view>
 #include <utility>

@@ -10,7 +10,6 @@
 #include "agent/cli/setup/init_flow.h"
 #include "agent/config/json/pretty.h"
 #include "agent/config/loader.h"
-#include "agent/config/read/reader.h"
 #include "agent/import/imported.h"
 #include "agent/text/json.h"
 
