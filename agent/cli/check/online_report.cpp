@@ -182,14 +182,12 @@ void add_device(std::vector<std::string>& to_do, const Config& config,
   const DeviceConfig& configured = config.devices[index];
   const auto add = [&](const std::string& text) { to_do.push_back(configured.name + ": " + text); };
   const bool is_link_down = findings.links[configured.link].state == LinkState::down;
-  if (device.state == DeviceState::silent && !is_link_down)
-    add(device.text.empty() ? device.reason : device.text);
+  if (device.state == DeviceState::silent && !is_link_down) add(device.text_or_reason());
   if (device.state != DeviceState::answers) return;
   if (!device.model_configured.empty())
     add("the PLC is an " + device.model + ", but the config says " + device.model_configured +
         ": set \"model\": \"" + device.model + "\", or check that this is the right PLC");
-  if (device.bad.empty() && !device.reason.empty())
-    add(device.text.empty() ? device.reason : device.text);
+  if (device.bad.empty() && !device.reason.empty()) add(device.text_or_reason());
   std::map<BadReason, std::vector<std::uint32_t>> bad;
   for (const OnlineDevice::BadTag& each : device.bad) bad[each.reason].push_back(each.tag);
   for (const auto& [reason, tags] : bad) add(names_of(configured, tags) + ": " + cure_of(reason));
@@ -344,7 +342,7 @@ void judge_links(const Config& config, OnlineFindings& findings) {
       link.text.clear();
     } else if (link.state == LinkState::unused) {
       link.state = LinkState::down;
-      link.text = device.text.empty() ? device.reason : device.text;
+      link.text = device.text_or_reason();
     }
   }
 }

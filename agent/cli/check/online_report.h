@@ -51,6 +51,8 @@ struct OnlineDevice {
   std::size_t good = 0;  ///< number of tags read successfully
   std::vector<BadTag> bad{};
   std::vector<Hint> hints{};  ///< good floats that are absurd, and plain in another word order
+
+  const std::string& text_or_reason() const { return text.empty() ? reason : text; }
 };
 
 struct OnlineBroker {

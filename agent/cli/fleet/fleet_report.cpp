@@ -158,8 +158,8 @@ std::string fleet_text(const Fleet& fleet) {
                   asked_version(agent) + ":\n" + reasons(agent.report->errors, "  ");
   }
   const std::string all = std::to_string(fleet.agents().size());
-  return table_text(rows, rows.front().size()) + refusals + std::to_string(online) + " of " + all +
-         " online, " + std::to_string(as_asked) + " of " + all + " as sent\n";
+  return table_text(rows) + refusals + std::to_string(online) + " of " + all + " online, " +
+         std::to_string(as_asked) + " of " + all + " as sent\n";
 }
 
 std::string fleet_json(const Fleet& fleet) {
@@ -262,7 +262,7 @@ std::string dry_run_text(const std::vector<Push>& pushes, const RolloutRules& ru
                     agent.presence == Presence::unknown ? "" : config_text(agent),
                     plain(push.version) + (has_it ? ", has it" : "")});
   }
-  return table_text(rows, rows.front().size());
+  return table_text(rows);
 }
 
 }  // namespace fxagent

@@ -19,9 +19,9 @@ inline double rounded_ms(std::chrono::nanoseconds duration) {
 
 using Row = std::vector<std::string>;
 
-/// Aligns the first `word_columns` columns to the left and the others to the right. Every row has
-/// as many cells as the first.
-std::string table_text(const std::vector<Row>& rows, std::size_t word_columns);
+/// Aligns the first `word_columns` columns to the left and the others to the right; by default all
+/// to the left. Every row has as many cells as the first.
+std::string table_text(const std::vector<Row>& rows, std::size_t word_columns = std::string::npos);
 
 /// Returns the text of `value` with a newline at its end. An object or array that fits into 120
 /// characters is on one line.
