@@ -107,9 +107,9 @@ class DirectLine final {
   const DeviceConfig& device() const { return device_; }
   const Codec& codec() const { return *codec_; }
 
-  /// Executes one command. `audit` records it as `call`; null: no record.
+  /// Executes one command. `audit` records it; null: no record.
   CommandResult carry_out(Op op, const std::string& name, CommandTarget target,
-                          CommandLineAudit* audit = nullptr, const std::string& call = {}) {
+                          CommandLineAudit* audit = nullptr) {
     const Command command = command_for(op, name, device_, std::move(target));
     const std::string& tag = command.targets.front().tag;
     const bool is_unknown = !tag.empty() && tag_named(tag, device_) == nullptr;
@@ -118,15 +118,15 @@ class DirectLine final {
     CommandAdmission admission(device_);
     auto decision = admission.admit(command, codec_, 0, std::chrono::steady_clock::now());
     if (auto* result = std::get_if<CommandResult>(&decision)) {
-      if (audit != nullptr) audit->refused(command, *result, device_.name, call);
+      if (audit != nullptr) audit->refused(command, *result);
       return std::move(*result);
     }
-    if (audit != nullptr && !audit->admitted(command, device_.name, call))
+    if (audit != nullptr && !audit->admitted(command))
       return not_in_the_audit(command, audit->fault());
     field_.submit(std::move(std::get<AdmittedCommand>(decision)));
     while (!result_) take();
     CommandResult result = *std::exchange(result_, std::nullopt);
-    if (audit != nullptr && !audit->finished(result, device_.name, utc_now_ms()))
+    if (audit != nullptr && !audit->finished(result, utc_now_ms()))
       std::cerr << "the result is not in the audit: " << audit->fault() << '\n';
     return result;
   }
@@ -418,12 +418,11 @@ CommandResult command_result(const Config& config, const OneShot& what, CommandT
     std::cerr << "not recorded: store.path is not set, so there is no audit\n";
     return DirectLine(config, what.trace).carry_out(what.op, name, std::move(target));
   }
-  CommandLineAudit audit(config.store, utc_now_ms());
+  CommandLineAudit audit(config.store, utc_now_ms(), what.device, text_of(what));
   if (!audit.fault().empty())
     return not_in_the_audit(command_for(what.op, name, config.devices.front(), std::move(target)),
                             audit.fault());
-  return DirectLine(config, what.trace)
-      .carry_out(what.op, name, std::move(target), &audit, text_of(what));
+  return DirectLine(config, what.trace).carry_out(what.op, name, std::move(target), &audit);
 }
 
 }  // namespace

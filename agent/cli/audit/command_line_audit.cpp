@@ -5,8 +5,8 @@
 #include <unistd.h>
 
 #include <fstream>
+#include <utility>
 
-#include "agent/commands/audit_records.h"
 #include "agent/commands/result.h"
 
 namespace fxagent {
@@ -26,21 +26,15 @@ std::string command_line_user() {
   return "cli:" + name_of_user(user == static_cast<uid_t>(-1) ? ::getuid() : user);
 }
 
-audit::Receipt receipt_of(const Command& command, std::uint64_t number, const std::string& device,
-                          const std::string& text) {
-  return {.number = number,
-          .device = device,
-          .topic = std::string(audit::kCommandLine),
-          .payload = text,
-          .payload_bytes = text.size(),
-          .by = command_line_user(),
-          .received_ms = command.received_ms};
-}
-
 }  // namespace
 
-CommandLineAudit::CommandLineAudit(const StoreConfig& config, std::int64_t utc_ms)
-    : config_(config), disk_(config, utc_ms), audit_(config, disk_) {
+CommandLineAudit::CommandLineAudit(const StoreConfig& config, std::int64_t utc_ms,
+                                   std::string device, std::string call)
+    : config_(config),
+      device_(std::move(device)),
+      call_(std::move(call)),
+      disk_(config, utc_ms),
+      audit_(config, disk_) {
   disk_.set_parts({&audit_});
   disk_.open();
 }
@@ -58,23 +52,28 @@ std::string CommandLineAudit::fault() const {
   return text + "; if the agent is running, send the command over MQTT, or stop the agent first";
 }
 
-bool CommandLineAudit::admitted(const Command& command, const std::string& device,
-                                const std::string& text) {
-  number_ = audit_.next_command_number();
-  return write(audit::admitted(receipt_of(command, number_, device, text), command.id,
-                               command.op_text, command.received_ms));
+bool CommandLineAudit::admitted(const Command& command) {
+  return write(
+      audit::admitted(new_receipt(command), command.id, command.op_text, command.received_ms));
 }
 
-bool CommandLineAudit::finished(const CommandResult& result, const std::string& device,
-                                std::int64_t utc_ms) {
-  return write(audit::result(number_, device, result_text(result), result.frames, utc_ms));
+bool CommandLineAudit::finished(const CommandResult& result, std::int64_t utc_ms) {
+  return write(audit::result(number_, device_, result_text(result), result.frames, utc_ms));
 }
 
-bool CommandLineAudit::refused(const Command& command, const CommandResult& result,
-                               const std::string& device, const std::string& text) {
+bool CommandLineAudit::refused(const Command& command, const CommandResult& result) {
+  return write(audit::answered(new_receipt(command), result_text(result), command.received_ms));
+}
+
+audit::Receipt CommandLineAudit::new_receipt(const Command& command) {
   number_ = audit_.next_command_number();
-  return write(audit::answered(receipt_of(command, number_, device, text), result_text(result),
-                               command.received_ms));
+  return {.number = number_,
+          .device = device_,
+          .topic = std::string(audit::kCommandLine),
+          .payload = call_,
+          .payload_bytes = call_.size(),
+          .by = command_line_user(),
+          .received_ms = command.received_ms};
 }
 
 /// Syncs to disk: a power cut must not erase who did what.

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <string>
 
+#include "agent/commands/audit_records.h"
 #include "agent/config/model.h"
 #include "agent/handover/command_message.h"
 #include "agent/store/audit_trail.h"
@@ -15,28 +16,32 @@ namespace fxagent {
 
 class CommandLineAudit final {
  public:
-  /// Opens the store and keeps it locked for the lifetime of the object.
-  CommandLineAudit(const StoreConfig& config, std::int64_t utc_ms);
+  /// Opens the store and keeps it locked for the lifetime of the object. `call` is the text of the
+  /// calls to `device` that it records.
+  CommandLineAudit(const StoreConfig& config, std::int64_t utc_ms, std::string device,
+                   std::string call);
   CommandLineAudit(const CommandLineAudit&) = delete;
   CommandLineAudit& operator=(const CommandLineAudit&) = delete;
 
   /// Returns why the audit takes no record, and the remedy; empty if it does.
   std::string fault() const;
 
-  /// Records the command before it is sent. `text` is the call. Returns false if the record is not
-  /// on disk (see fault()); then the command must not be sent.
-  bool admitted(const Command& command, const std::string& device, const std::string& text);
+  /// Records the command before it is sent. Returns false if the record is not on disk (see
+  /// fault()); then the command must not be sent.
+  bool admitted(const Command& command);
   /// Records the result. Returns false if the record is not on disk; the command was still
   /// executed.
-  bool finished(const CommandResult& result, const std::string& device, std::int64_t utc_ms);
+  bool finished(const CommandResult& result, std::int64_t utc_ms);
   /// Records a command that was not sent, with the reason.
-  bool refused(const Command& command, const CommandResult& result, const std::string& device,
-               const std::string& text);
+  bool refused(const Command& command, const CommandResult& result);
 
  private:
+  audit::Receipt new_receipt(const Command& command);
   bool write(const std::string& body);
 
   const StoreConfig config_;
+  const std::string device_;
+  const std::string call_;
   StoreDisk disk_;
   AuditTrail audit_;
   std::uint64_t number_ = 0;  ///< number of the command

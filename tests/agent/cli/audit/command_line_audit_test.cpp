@@ -52,9 +52,9 @@ struct CommandLineAuditTest : ::testing::Test {
 };
 
 TEST_F(CommandLineAuditTest, CommandIsOnDiskBeforeItIsSentAndItsResultAfterIt) {
-  CommandLineAudit audit(config, kNow);
+  CommandLineAudit audit(config, kNow, "press1", "write press1 D100 5");
   ASSERT_EQ(audit.fault(), "");
-  ASSERT_TRUE(audit.admitted(command, "press1", "write press1 D100 5"));
+  ASSERT_TRUE(audit.admitted(command));
   ASSERT_EQ(records().size(), 1U);
   EXPECT_EQ(records()[0]["kind"], "ordered");
   const auto by = records()[0]["by"].get<std::string>();
@@ -62,7 +62,7 @@ TEST_F(CommandLineAuditTest, CommandIsOnDiskBeforeItIsSentAndItsResultAfterIt) {
   EXPECT_GT(by.size(), 4U);
   EXPECT_EQ(records()[0]["topic"], "command line");
   EXPECT_EQ(records()[0]["payload"], "write press1 D100 5");
-  ASSERT_TRUE(audit.finished(result_with(CommandStatus::succeeded), "press1", kNow + 5));
+  ASSERT_TRUE(audit.finished(result_with(CommandStatus::succeeded), kNow + 5));
   ASSERT_EQ(records().size(), 2U);
   EXPECT_EQ(records()[1]["kind"], "result");
   EXPECT_EQ(records()[1]["arrival"], records()[0]["arrival"]);
@@ -70,8 +70,8 @@ TEST_F(CommandLineAuditTest, CommandIsOnDiskBeforeItIsSentAndItsResultAfterIt) {
 }
 
 TEST_F(CommandLineAuditTest, CommandThatIsRefusedIsThereToo) {
-  CommandLineAudit audit(config, kNow);
-  ASSERT_TRUE(audit.refused(command, result_with(CommandStatus::rejected), "press1", "write"));
+  CommandLineAudit audit(config, kNow, "press1", "write press1 D100 5");
+  ASSERT_TRUE(audit.refused(command, result_with(CommandStatus::rejected)));
   ASSERT_EQ(records().size(), 1U);
   EXPECT_EQ(records()[0]["kind"], "answered");
   EXPECT_EQ(records()[0]["result"]["status"], "REJECTED");
@@ -86,8 +86,8 @@ TEST_F(CommandLineAuditTest, AgentGoesOnWithTheChainAndTheNumbers) {
     agent.close();
   }
   {
-    CommandLineAudit audit(config, kNow);
-    ASSERT_TRUE(audit.admitted(command, "press1", "write press1 D100 5"));
+    CommandLineAudit audit(config, kNow, "press1", "write press1 D100 5");
+    ASSERT_TRUE(audit.admitted(command));
   }
   EXPECT_EQ(records().back()["arrival"], before + 1);
   Store agent(config, kNow);
@@ -101,10 +101,10 @@ TEST_F(CommandLineAuditTest, AgentGoesOnWithTheChainAndTheNumbers) {
 
 TEST_F(CommandLineAuditTest, StoreOfAnAgentThatRunsTakesNothing) {
   Store agent(config, kNow);
-  CommandLineAudit audit(config, kNow);
+  CommandLineAudit audit(config, kNow, "press1", "write press1 D100 5");
   EXPECT_NE(audit.fault().find("another agent"), std::string::npos) << audit.fault();
   EXPECT_NE(audit.fault().find("over MQTT"), std::string::npos) << audit.fault();
-  EXPECT_FALSE(audit.admitted(command, "press1", "write press1 D100 5"));
+  EXPECT_FALSE(audit.admitted(command));
   EXPECT_TRUE(records().empty());
 }
 
