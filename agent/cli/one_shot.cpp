@@ -293,7 +293,7 @@ CommandResult read_by_words(DirectLine& line, const Point& point, Bytes& image) 
 }
 
 /// Reads one tag or address into `report`. `target` is as the caller gave it; for a tag it has
-/// neither type nor count.
+/// neither type nor count (see call_fault()).
 CommandResult read_one(DirectLine& line, const std::string& name, const CommandTarget& target,
                        ReadReport& report) {
   report.name = name;

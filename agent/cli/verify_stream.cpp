@@ -38,11 +38,11 @@ struct Interruptions {
   Seconds total{0};
 };
 
-/// All that was received, and until when.
+/// The outcome of listening.
 struct Reception {
-  std::string fault;  ///< why it did not listen to the end; empty if it did
+  std::string fault;  ///< why it ended too early; empty if it did not
   std::string server;
-  std::optional<Seconds> time;  ///< nullopt: it could not subscribe
+  std::optional<Seconds> listened;  ///< nullopt: no subscription succeeded
   Interruptions interruptions;
   std::vector<DeviceStream> streams;
 };
@@ -301,24 +301,25 @@ int status_of(const std::vector<DeviceStream>& streams) {
   return std::ranges::all_of(streams, &DeviceStream::is_whole) ? kDone : kNotProvable;
 }
 
-void print_json(const Reception& heard, const std::string& base) {
+void print_json(const Reception& reception, const std::string& base) {
   OrderedJson out;
-  out["ok"] = heard.fault.empty() && status_of(heard.streams) == kDone;
-  out["error"] = or_null(heard.fault);
+  out["ok"] = reception.fault.empty() && status_of(reception.streams) == kDone;
+  out["error"] = or_null(reception.fault);
   out["base"] = base;
-  out["server"] = heard.server;
-  out["seconds"] = tenth(heard.time->count());
-  const Interruptions& away = heard.interruptions;
+  out["server"] = reception.server;
+  out["seconds"] = tenth(reception.listened->count());
+  const Interruptions& away = reception.interruptions;
   out["interruptions"] = {
       {"count", away.count}, {"seconds", tenth(away.total.count())}, {"unkept", away.unkept}};
   auto& devices = out["devices"] = OrderedJson::array();
-  for (const DeviceStream& stream : heard.streams) devices.push_back(json_of(stream));
+  for (const DeviceStream& stream : reception.streams) devices.push_back(json_of(stream));
   std::cout << dumped(out) << '\n';
 }
 
-void print_text(const Reception& heard, const std::string& base) {
-  std::cout << base << " on " << heard.server << ", " << tenth(heard.time->count()) << " s\n";
-  const Interruptions& away = heard.interruptions;
+void print_text(const Reception& reception, const std::string& base) {
+  std::cout << base << " on " << reception.server << ", " << tenth(reception.listened->count())
+            << " s\n";
+  const Interruptions& away = reception.interruptions;
   if (away.count > 0) {
     std::cout << "interruptions: " << away.count << ", " << tenth(away.total.count()) << " s; ";
     if (away.unkept == 0)
@@ -327,8 +328,8 @@ void print_text(const Reception& heard, const std::string& base) {
       std::cout << "in " << away.unkept
                 << " of them the broker kept no messages: is its persistence on?\n";
   }
-  for (const DeviceStream& stream : heard.streams) print(stream);
-  if (!has_samples(heard.streams))
+  for (const DeviceStream& stream : reception.streams) print(stream);
+  if (!has_samples(reception.streams))
     std::cout << "no sample was received at all: is the agent running, and may this user read "
               << base << "/+/data/#?\n";
 }
@@ -342,11 +343,14 @@ int run_verify_stream(const Config& config, const VerifyStream& what) {
   StreamCheck check(base, sending_devices(config),
                     keeps_numbers ? BootSkip::is_loss : BootSkip::allowed);
   Listener listener(connection_of(config.mqtt, what), base, std::move(check), what.listen);
-  const Reception heard = listener.run();
-  if (!heard.fault.empty()) std::cerr << "verify-stream: " << heard.fault << '\n';
-  if (!heard.time) return kNotListened;
-  what.as_json ? print_json(heard, base) : print_text(heard, base);
-  return heard.fault.empty() ? status_of(heard.streams) : kNotListened;
+  const Reception reception = listener.run();
+  if (!reception.fault.empty()) std::cerr << "verify-stream: " << reception.fault << '\n';
+  if (!reception.listened) return kNotListened;
+  if (what.as_json)
+    print_json(reception, base);
+  else
+    print_text(reception, base);
+  return reception.fault.empty() ? status_of(reception.streams) : kNotListened;
 }
 
 }  // namespace fxagent

@@ -183,8 +183,9 @@ ImportResult import_kepware(std::string_view text, const ImportOptions& options)
   if (!has_columns(*rows, {"Tag Name", "Address"}))
     return tl::unexpected(ImportFault{head.line, "has no columns \"Tag Name\" and \"Address\""});
 
+  const std::size_t address = csv_column(head, "Address");
   const auto numeric = std::ranges::count_if(rows->begin() + 1, rows->end(), [&](const auto& row) {
-    return begins_with_digit(row.at(csv_column(head, "Address")));
+    return begins_with_digit(row.at(address));
   });
   const bool is_modbus = 2 * static_cast<std::size_t>(numeric) > rows->size() - 1;
   Imported out;

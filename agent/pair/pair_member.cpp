@@ -124,11 +124,10 @@ void PairMember::agent_began(Agent agent) {
 void PairMember::announce(AdmittedCommand command, const std::string& device,
                           const Announcements::Submit& submit) {
   if (command.command.op == Op::read) return submit(std::move(command));
-  const std::string text =
-      pair_messages::announcement({.boot = boot_,
-                                   .id_is_number = command.command.id_is_number,
-                                   .entry = entry_of(command, device)});
-  announcements_.add({std::move(command), text, submit});
+  std::string text = pair_messages::announcement({.boot = boot_,
+                                                  .id_is_number = command.command.id_is_number,
+                                                  .entry = entry_of(command, device)});
+  announcements_.add({std::move(command), std::move(text), submit});
   const std::lock_guard lock(mutex_);
   wake();
 }
@@ -327,9 +326,8 @@ void PairMember::hear(const Message& message, BootTime now) {
     }
     const std::lock_guard lock(mutex_);
     state_.heard_heartbeat(heartbeat->boot, heartbeat->seq, now);
-  } else {
-    if (auto announcement = pair_messages::announcement_from(message.payload))
-      hear_announcement(std::move(*announcement), place->member, message.topic);
+  } else if (auto announcement = pair_messages::announcement_from(message.payload)) {
+    hear_announcement(std::move(*announcement), place->member, message.topic);
   }
 }
 
@@ -443,7 +441,7 @@ void PairMember::take_evicting_events(BootTime now) {
       evicting_->disconnect();
       claim_ = Claim::marking;
       mark_came_ = false;
-      mark_ = next_id_;
+      mark_ = next_id_;  // publish() uses it
       publish_in_journal(*lease_, pair_messages::announcement({.boot = boot_, .mark = mark_}));
     }
   }
@@ -495,7 +493,7 @@ void PairMember::carry_out(PairState::Order order, BootTime now) {
         const std::lock_guard lock(mutex_);
         if (claimed_) seq = std::max(agent_ ? agent_->highest_seq() : 0, floor_) + kReserve;
       }
-      const std::uint64_t id = next_id_;
+      const std::uint64_t id = next_id_;  // publish() uses it
       state_.heartbeat_sent(id, now);
       publish(*lease_, retained(topic("/heartbeat"), pair_messages::heartbeat({boot_, seq}, id)));
       return;

@@ -268,11 +268,10 @@ tl::expected<Config, ConfigErrors> effective_config(std::string_view local_text,
                                                     const DesiredConfig& desired,
                                                     const ParseConfig& parse,
                                                     const std::atomic<bool>* stop) {
-  const Json document = parsed_json(desired.text);
   Json file = parsed_json(local_text, /*ignore_comments=*/true);
   if (file.is_discarded())
     return tl::unexpected(ConfigErrors{{"", 0, "the local file is not JSON any more"}});
-  auto [text, errors] = Merger(std::move(file), document, local.remote).run();
+  auto [text, errors] = Merger(std::move(file), parsed_json(desired.text), local.remote).run();
   auto config = parse(text);
   if (!config) {
     for (ConfigError& error : config.error())

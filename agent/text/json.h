@@ -33,7 +33,7 @@ std::string text_at(const Json& object, const char* key) {
   return value.is_string() ? value.template get<std::string>() : std::string();
 }
 
-/// Returns null in place of no value, or of an empty text.
+/// Returns the value, or null if it is absent. An empty string counts as absent.
 template <class Value>
 nlohmann::ordered_json or_null(const std::optional<Value>& value) {
   return value ? nlohmann::ordered_json(*value) : nlohmann::ordered_json();

@@ -16,8 +16,8 @@ namespace fxagent {
 
 class CommandLineAudit final {
  public:
-  /// Opens the store and keeps it locked for the lifetime of the object. `call` is the text of the
-  /// calls to `device` that it records.
+  /// Opens the store and keeps it locked for the lifetime of the object. Records commands to
+  /// `device`; `call` is the command line as typed.
   CommandLineAudit(const StoreConfig& config, std::int64_t utc_ms, std::string device,
                    std::string call);
   CommandLineAudit(const CommandLineAudit&) = delete;
@@ -36,6 +36,7 @@ class CommandLineAudit final {
   bool refused(const Command& command, const CommandResult& result);
 
  private:
+  /// Takes the next command number.
   audit::Receipt new_receipt(const Command& command);
   bool write(const std::string& body);
 

@@ -52,6 +52,7 @@ struct OnlineDevice {
   std::vector<BadTag> bad{};
   std::vector<Hint> hints{};  ///< good floats that are absurd, and plain in another word order
 
+  /// Returns `text`; `reason` if it is empty.
   const std::string& text_or_reason() const { return text.empty() ? reason : text; }
 };
 

@@ -197,7 +197,7 @@ struct ReadSizes {
   std::uint32_t limit = 0;     ///< the smallest parts in which a refused read is answered
 };
 
-/// `tags` are those of the group of the read.
+/// Tries one planned read, and notes a refusal. `tags` are those of its group.
 void judge_read(ExaminedDevice& examined, const PlannedRead& planned,
                 const std::vector<const TagConfig*>& tags, ReadSizes& sizes, Diagnosis& diagnosis) {
   const Read& whole = planned.read;
@@ -410,7 +410,7 @@ class Doctor final {
     };
     differs(found.baud != is.baud, "baud", std::to_string(found.baud));
     differs(found.data_bits != is.data_bits, "data_bits", std::to_string(found.data_bits));
-    differs(found.parity != is.parity, "parity", json_string(word_of(found.parity)));
+    differs(found.parity != is.parity, "parity", json_string(parity_word(found.parity)));
     differs(found.stop_bits != is.stop_bits, "stop_bits", std::to_string(found.stop_bits));
   }
 

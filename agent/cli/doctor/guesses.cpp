@@ -57,7 +57,7 @@ LinkConfig with_line(LinkConfig link, const LineDefaults& line) {
   return link;
 }
 
-std::string word_of(Parity parity) {
+std::string parity_word(Parity parity) {
   return std::string(config_keys::kParities[static_cast<std::size_t>(parity)]);
 }
 

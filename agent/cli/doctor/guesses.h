@@ -21,7 +21,7 @@ std::vector<LineDefaults> line_guesses(const ProtocolInfo& protocol, const LineD
 /// Returns the serial link with another speed and shape of the characters.
 LinkConfig with_line(LinkConfig link, const LineDefaults& line);
 /// Returns the word of the config: "even".
-std::string word_of(Parity parity);
+std::string parity_word(Parity parity);
 
 /// Returns the option that is the address of a device on its bus, "station" or "unit"; empty if the
 /// protocol has neither.

@@ -60,7 +60,7 @@ void print_found(const std::string& port, const Guess& guess, std::int64_t stati
   const auto& [protocol, line] = guess;
   std::cout << "\"links\": [{\"name\": \"line1\", \"serial\": {\"path\": " << json_string(port)
             << ", \"baud\": " << line.baud << ", \"data_bits\": " << line.data_bits
-            << ", \"parity\": " << json_string(word_of(line.parity))
+            << ", \"parity\": " << json_string(parity_word(line.parity))
             << ", \"stop_bits\": " << line.stop_bits << "}}],\n"
             << "\"devices\": [{\"name\": \"plc1\", \"link\": \"line1\", \"protocol\": "
             << json_string(std::string(protocol->name));

@@ -25,7 +25,7 @@ struct PasswordFile {
 
 /// Creates `path` with mode 600 and `password` in it. When run by root, gives it to the user
 /// `owner` if that user exists; otherwise it belongs to the caller. Error: why it cannot be
-/// created.
+/// created; no new file is left.
 tl::expected<PasswordFile, std::string> create_password_file(const std::string& path,
                                                              const std::string& password,
                                                              const std::string& owner);

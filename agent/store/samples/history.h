@@ -57,7 +57,7 @@ class HistoryMessage {
   /// Adds a sample. Returns false, and adds nothing, if it does not fit. The first row always fits.
   virtual bool add(const SampleRecord& sample) = 0;
   /// Same for a row of RowFormat::json_text, which is JSON. Files of earlier versions may have such
-  /// rows, but no profile had a file then: by default the row is left out.
+  /// rows. Profiles had no files then, so the default ignores the row.
   virtual bool add_json(std::string_view /*row*/) { return true; }
 };
 

@@ -55,10 +55,8 @@ void HistoryDelivery::pump(bool rests, SteadyTime now) {
       return;
     }
     published_ += history->batch.row_ids.size();
-    std::size_t bytes = 0;
-    for (const Publication& each : history->publications) bytes += each.payload.size();
     const std::uint64_t id = outgoing_.send(*this, std::exchange(history->publications, {}));
-    flights_.emplace(id, Flight{std::move(*history), bytes, now});
+    flights_.emplace(id, Flight{std::move(*history), now});
   }
 }
 
@@ -83,7 +81,7 @@ void HistoryDelivery::delivered(std::uint64_t id, SteadyTime now) {
 }
 
 void HistoryDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
-  const auto [history, bytes, since] = ended(event.id, now);
+  const OutgoingHistory history = ended(event.id, now).history;
   const HistoryBatch& batch = history.batch;
   payload_.undelivered(batch.stream.device);
   const bool can_be_cut = event.reason_code == kPacketTooLarge && batch.row_ids.size() > 1;
@@ -96,7 +94,7 @@ void HistoryDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
   }
   spool_.returned(history);
   if (can_be_cut)
-    max_bytes_ = std::min(max_bytes_, bytes / 2);
+    max_bytes_ /= 2;
   else
     refused_.refused(batch.stream.device, event, now);
 }

@@ -38,7 +38,6 @@ class HistoryDelivery final : public Outgoing::Sender {
  private:
   struct Flight {
     OutgoingHistory history;
-    std::size_t bytes = 0;  ///< of its payloads
     SteadyTime since{};
   };
 

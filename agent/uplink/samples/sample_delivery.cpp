@@ -84,19 +84,19 @@ void SampleDelivery::settle(SteadyTime now) {
 }
 
 /// Writes samples that have been in flight for 1 s to disk; they stay in flight. Includes those
-/// that would follow soon, too; and all of them, if younger ones are written now: after a
-/// reconnect, rows on disk leave before those that the disk has refused.
+/// that would follow soon. Also writes those of a stream whose younger samples are written now:
+/// after a reconnect, rows on disk leave before those that the disk has refused.
 void SampleDelivery::hold_on_disk(SteadyTime now) {
   if (!spool_.can_hold()) return;
   std::vector<SampleRow> rows;
   std::vector<LiveRow*> held;
-  const bool younger_follow = spool_.is_commit_due(now);
-  bool is_time = younger_follow;
+  bool is_time = false;
   for (auto& [id, flight] : flights_) {
     LiveRow& live = flight.live;
     if (live.stored) continue;
+    const bool younger_follow = spool_.is_due(live.row.stream, now);
     if (!younger_follow && live.since + kLiveFor - kCommitWithin > now) continue;
-    is_time = is_time || live.since + kLiveFor <= now;
+    is_time = is_time || younger_follow || live.since + kLiveFor <= now;
     rows.push_back(live.row);
     held.push_back(&live);
   }
@@ -137,7 +137,7 @@ void SampleDelivery::make_history(const std::set<std::string>& devices) {
 void SampleDelivery::connection_ended() {
   for (auto& [id, flight] : std::exchange(flights_, {})) spool_.add(std::move(flight.live));
   spool_live();
-  // Younger ones may be on disk already, and the next connection may begin at once.
+  // The next connection may begin at once, and this process may end before it.
   spool_.commit_by(SteadyTime::min());
 }
 

@@ -71,6 +71,11 @@ void SampleSpool::commit(SteadyTime now, bool can_wait) {
   commit_at_ = now + kCommitWithin;
 }
 
+bool SampleSpool::is_due(const StreamKey& stream, SteadyTime now) const {
+  const auto is_of_stream = [&](const SampleRow& row) { return row.stream == stream; };
+  return now >= commit_at_ && std::ranges::any_of(spool_, is_of_stream);
+}
+
 /// Writes the added rows now, to the disk or into memory.
 void SampleSpool::write() {
   auto rows = std::exchange(spool_, {});
@@ -111,15 +116,15 @@ std::optional<OutgoingHistory> SampleSpool::next(
   };
   if (store_ != nullptr) {
     const auto message = payload.begin_history(max_bytes);
-    const auto batch = store_->samples().next(message, from_disk);
+    auto batch = store_->samples().next(message, from_disk);
     count_dropped();
-    if (batch) return OutgoingHistory{*batch, true, message->take(batch->stream)};
+    if (batch) return OutgoingHistory{message->take(batch->stream), std::move(*batch), true};
   }
   if (backlog_.rows() == 0) return std::nullopt;
   const auto message = payload.begin_history(max_bytes);
-  const auto batch = backlog_.next(*message, from_memory);
+  auto batch = backlog_.next(*message, from_memory);
   count_dropped();
-  if (batch) return OutgoingHistory{*batch, false, message->take(batch->stream)};
+  if (batch) return OutgoingHistory{message->take(batch->stream), std::move(*batch), false};
   return std::nullopt;
 }
 

@@ -90,9 +90,9 @@ struct LiveRow {
 
 /// A history message, and where its rows are.
 struct OutgoingHistory {
+  std::vector<Publication> publications;  ///< deliver it together; none: it cannot be delivered
   HistoryBatch batch;
   bool on_disk = false;
-  std::vector<Publication> publications;  ///< deliver it together; none: it cannot be delivered
 };
 
 class SampleSpool final {
@@ -120,8 +120,8 @@ class SampleSpool final {
   void add(LiveRow live);
   /// Writes the added rows to the disk, several at once; immediately if they cannot wait.
   void commit(SteadyTime now, bool can_wait);
-  /// True if commit() writes now.
-  bool is_commit_due(SteadyTime now) const { return !spool_.empty() && now >= commit_at_; }
+  /// True if an added row of the stream is due for the disk.
+  bool is_due(const StreamKey& stream, SteadyTime now) const;
   /// Makes the next commit happen by `at`.
   void commit_by(SteadyTime at) { commit_at_ = std::min(commit_at_, at); }
   /// Moves rows from memory to the disk, once it accepts them again.
