@@ -1,7 +1,8 @@
 #include "agent/field/bus/channel.h"
 
 #include <algorithm>
-#include <string>
+#include <string_view>
+#include <utility>
 
 #include "agent/field/bus/overheard.h"
 
@@ -24,6 +25,7 @@ constexpr std::string_view kNeverSilent =
 
 asio::awaitable<Channel::Heard> Channel::open(nanoseconds listening) {
   answered_ = closed_unanswered_ = closed_after_silence_ = false;
+  why_lost_ = "the line was lost";
   const auto opened = co_await transport_->open(transport_->now() + kOpenTimeout);
   Heard heard;
   if (!opened) {
@@ -49,7 +51,7 @@ asio::awaitable<Channel::Heard> Channel::listen(SteadyTime until, nanoseconds qu
     const auto got = co_await transport_->read_some(chunk, std::max(until, now() + quiet));
     if (!got && got.error().code == ErrorCode::timeout) co_return heard;
     if (!got) {
-      lose();
+      lose(got.error().text);
       heard.error = got.error();
       co_return heard;
     }
@@ -58,14 +60,15 @@ asio::awaitable<Channel::Heard> Channel::listen(SteadyTime until, nanoseconds qu
       heard.bytes.insert(heard.bytes.end(), chunk, chunk + *got);
     if (heard.total < kMostDrained && now() < give_up) continue;
     close_never_silent();
-    heard.error = Error{ErrorCode::link_down, std::string(kNeverSilent)};
+    heard.error = Error{ErrorCode::link_down, why_lost_};
     co_return heard;
   }
 }
 
-void Channel::lose() {
+void Channel::lose(std::string why) {
   transport_->close();
   closed_unanswered_ = !answered_;
+  why_lost_ = std::move(why);
 }
 
 void Channel::close_after_silence() {
@@ -76,10 +79,7 @@ void Channel::close_after_silence() {
 void Channel::close_never_silent() {
   transport_->close();
   never_silent_ = true;
-}
-
-std::string_view Channel::why_lost() const {
-  return never_silent_ ? kNeverSilent : "the line was lost";
+  why_lost_ = kNeverSilent;
 }
 
 }  // namespace fxagent

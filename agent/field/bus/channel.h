@@ -8,7 +8,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
-#include <string_view>
+#include <string>
 
 #include "agent/field/transport/transport.h"
 #include "agent/steady_time.h"
@@ -43,8 +43,8 @@ class Channel final {
 
   // Each closes the channel.
   void close() noexcept { transport_->close(); }
-  /// Because its peer has closed it, or after an error.
-  void lose();
+  /// Because its peer has closed it, or after an error; `why` is for people.
+  void lose(std::string why);
   /// Because only on a new channel no late answer can pass for that of another request. This is not
   /// a loss: call open() again.
   void close_after_silence();
@@ -69,7 +69,7 @@ class Channel final {
   /// since.
   bool never_silent() const { return never_silent_; }
   /// Returns why the channel is closed, for people.
-  std::string_view why_lost() const;
+  const std::string& why_lost() const { return why_lost_; }
 
   Transport& transport() { return *transport_; }
   const Transport& transport() const { return *transport_; }
@@ -82,6 +82,7 @@ class Channel final {
   bool ever_answered_ = false;
   bool closed_unanswered_ = false;
   bool closed_after_silence_ = false;
+  std::string why_lost_;
 };
 
 }  // namespace fxagent

@@ -87,14 +87,14 @@ void Wire::begin(const Station& station) {
 bool Wire::look(const Codec& codec, Exchange& failed) {
   const auto found = channel_.transport().discard_input();
   if (!found) {
-    channel_.lose();
+    channel_.lose(found.error().text);
     mark_as_down(failed, found.error().text, now());
     return false;
   }
   note_unexpected(codec, *found);
   if (found->size() < Channel::kMostDrained) return true;
   channel_.close_never_silent();
-  mark_as_down(failed, std::string(channel_.why_lost()), now());
+  mark_as_down(failed, channel_.why_lost(), now());
   return false;
 }
 
@@ -148,7 +148,7 @@ asio::awaitable<Exchange> Wire::exchange(const Station& station, Request request
   trace(WireFrame::Way::out, left);
   if (trace_) trace_->out(left, exchange.began);
   if (written.error) {
-    channel_.lose();
+    channel_.lose(written.error->text);
     exchange.outcome = Exchange::Outcome::link_down;
     exchange.error = written.error->text;
     exchange.ended = now();
@@ -216,8 +216,7 @@ asio::awaitable<void> Wire::receive(const Codec& codec, const Request& request, 
         exchange.error += "; these bytes are not one: " + beginning_of(rx_);
       if (echo_due && silent) exchange.error += "; not even the echo of the request came back";
       exchange.outcome = silent ? Exchange::Outcome::unanswered : Exchange::Outcome::link_down;
-      if (silent) co_return;
-      channel_.lose();
+      if (!silent) channel_.lose(exchange.error);
       co_return;
     }
     total += *got;
@@ -301,7 +300,8 @@ void Wire::note_outcome(const Station& station, const Request& request, const Ex
       recovery = codec.after_nonsense();
       break;
     case Exchange::Outcome::link_down:
-      if (exchange.sent) recovery = codec.after_silence();
+      // No late answer reaches a port of its own that is closed.
+      if (exchange.sent && !channel_.transport().can_renew()) recovery = codec.after_silence();
       break;
     case Exchange::Outcome::expired:
       return;

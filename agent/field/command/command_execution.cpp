@@ -210,7 +210,7 @@ asio::awaitable<void> CommandExecution::run_targets() {
     } else {
       co_await write_target(target, out);
     }
-    going = going && out.status == CommandStatus::succeeded;
+    going = going && (out.status == CommandStatus::succeeded || out.reason == Reason::broadcast);
     conclude_target(std::move(out));
   }
 }

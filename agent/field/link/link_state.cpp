@@ -204,7 +204,7 @@ void LinkState::look() {
   if (link_.bus.channel().closed_after_silence() && was_open_)
     next_open_ = Clock::now();
   else if (!link_.bus.is_open() && was_open_)
-    lost(std::string(link_.bus.channel().why_lost()));
+    lost(link_.bus.channel().why_lost());
   log_findings();
 }
 

@@ -1,7 +1,10 @@
 // The bus on UDP: a datagram is exactly one frame or invalid.
 #include <gtest/gtest.h>
 
+#include <asio/ip/udp.hpp>
+
 #include "agent/field/bus/bus.h"
+#include "agent/field/transport/transport.h"
 #include "protocol/catalog.h"
 #include "tests/agent/field/field_plant.h"
 #include "tests/agent/field/port_frames.h"
@@ -152,6 +155,25 @@ TEST_F(DatagramsWithoutNumbers, AfterASilenceTheLateAnswerHasItsTime) {
   const Exchange second = read("D100");
   EXPECT_EQ(second.reply.image, word(2));
   EXPECT_GE(second.began - silent.ended, milliseconds(100));
+}
+
+TEST_F(DatagramsWithoutNumbers, AfterARefusalNoAnswerIsAwaited) {
+  asio::ip::udp::socket unused(io, {asio::ip::address_v4::loopback(), 0});
+  const std::uint16_t port = unused.local_endpoint().port();
+  unused.close();
+  bus = std::make_unique<Bus>(io.get_executor(),
+                              make_udp_transport(io.get_executor(), {"127.0.0.1", port}),
+                              std::chrono::nanoseconds(0), std::chrono::nanoseconds(0));
+  station.codec = codec_of("mc-3e");
+  station.timeout = milliseconds(2000);
+  open();
+  const Exchange first = read("D100");
+  EXPECT_EQ(first.outcome, Outcome::link_down);
+  EXPECT_EQ(bus->channel().why_lost(), first.error);
+  open();
+  const Exchange second = read("D100");
+  EXPECT_EQ(second.error, first.error);
+  EXPECT_LT(second.began - first.ended, station.timeout);
 }
 
 TEST_F(DatagramsWithoutNumbers, FixedPortIsDoubtedLikeASerialLine) {

@@ -200,6 +200,21 @@ TEST_F(CommandOnTheBusTest, NobodyAnswersABroadcast) {
   EXPECT_EQ(std::get<CommandResult>(decision).reason, Reason::unknown_tag);
 }
 
+TEST_F(CommandOnTheBusTest, ListForAllUnitsIsSentToItsEnd) {
+  use("modbus-rtu", codec_of("modbus-rtu", {{"unit", std::int64_t{0}}}));
+  device.tags.push_back(writable(tag(*device.codec, "setpoint", "hr:1")));
+  wire->expect(hex("00 06 00 01 00 AA 59 A4"));
+  wire->expect(hex("00 06 00 01 00 AA 59 A4"));
+  Command command;
+  command.is_list = true;
+  for (int i = 0; i < 2; ++i)
+    command.targets.push_back({"setpoint", "", std::nullopt, number(0xAA)});
+  const CommandResult result = run(std::move(command), false);
+  EXPECT_EQ(ending(result), "UNKNOWN_OUTCOME broadcast");
+  EXPECT_EQ(result.targets.at(1).reason, Reason::broadcast);
+  EXPECT_EQ(result.attempts, 2);
+}
+
 // JY992D69901 8.6: three words in one frame; the sum as printed.
 TEST_F(CommandOnTheBusTest, ListGoesInOneFrameWhereTheProtocolHasOne) {
   use("fx-computer-link",
