@@ -122,7 +122,7 @@ void Fleet::take(std::string_view topic, std::string_view payload) {
   else if (payload.empty())
     agent.report.reset();
   else
-    agent.report = report_of(said);
+    agent.report = report_of(said), ++agent.reports;
 }
 
 }  // namespace fxagent

@@ -2,6 +2,7 @@
 // network, no clock.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <map>
 #include <optional>
@@ -39,6 +40,7 @@ struct FleetAgent {
   std::optional<std::int64_t> health_ms;  ///< time of the last health message, UTC
   std::string hash;                       ///< of the config in force, from health
   std::optional<FleetReport> report;
+  std::size_t reports = 0;  ///< received on {base}/config/reported, the retained one included
   std::optional<FleetDesired> desired;
 };
 

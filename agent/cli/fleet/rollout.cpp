@@ -10,11 +10,17 @@ namespace {
 using Outcome = Push::Outcome;
 using Presence = FleetAgent::Presence;
 
-/// Sets the outcome if the agent has answered this document.
+bool is_refusal(const FleetReport& report) {
+  return report.state == "rejected" || report.state == "rolled_back";
+}
+
+/// Sets the outcome if the agent has answered this document. A refusal from before the push does
+/// not count: the agent tries a rejected document again, and answers every document that arrives.
 void judge(Push& push, const FleetAgent& agent, bool confirmed) {
   if (!agent.report || agent.report->desired_hash != push.hash) return;
   const FleetReport& report = *agent.report;
-  if (report.state == "rejected" || report.state == "rolled_back") {
+  if (is_refusal(report)) {
+    if (agent.reports == push.reports_before) return;
     push.outcome = Outcome::refused;
     if (report.state == "rolled_back") push.why.emplace_back("rolled back");
     push.why.insert(push.why.end(), report.errors.begin(), report.errors.end());
@@ -27,6 +33,8 @@ std::string reason_of_silence(const Push& push, const FleetAgent& agent, bool co
   if (agent.presence != Presence::online) return "the agent went offline";
   if (confirmed && agent.report && agent.report->desired_hash == push.hash)
     return "its trial is not over";
+  if (agent.report && agent.report->desired_hash == push.hash && is_refusal(*agent.report))
+    return "no answer; it refused the same document before";
   if (!agent.report)
     return "no answer; the agent has never reported a config: is agent.remote_config set?";
   return "no answer";
@@ -67,6 +75,7 @@ std::vector<std::size_t> Rollout::begin_batch(const Fleet& fleet, SteadyTime now
     const FleetAgent& agent = fleet.agent(push.agent);
     if (agent.presence == Presence::online) {
       push.outcome = Outcome::waits;
+      push.reports_before = agent.reports;
       due.push_back(i);
       continue;
     }

@@ -31,6 +31,7 @@ struct Push {
   std::string hash;  ///< of the document
   Outcome outcome = Outcome::not_sent;
   std::vector<std::string> why{};  ///< of an outcome that is not `accepted`
+  std::size_t reports_before = 0;  ///< FleetAgent::reports when it was sent
 
   bool is_decided() const { return outcome != Outcome::not_sent && outcome != Outcome::waits; }
   bool is_good() const { return outcome == Outcome::accepted || outcome == Outcome::left_out; }

@@ -11,16 +11,17 @@ namespace {
 
 constexpr const char* kSent = R"({"version": "v8", "patch": {}})";
 
+std::string report(const std::string& state, const std::string& in_force) {
+  return R"({"version": "v8", "hash": "5f0c9a31e7d2b846", "state": ")" + state +
+         R"(", "errors": ["/devices/0/link: there is no link \"line9\""], "desired_hash": ")" +
+         short_hash(kSent) + R"(", "in_force": ")" + in_force + R"(", "confirmed": true})";
+}
+
 /// Three agents: one has v8, one refuses it, one is offline.
 Fleet three_agents() {
   Fleet fleet("fx");
   const std::string online =
       R"({"state": "online", "since": 1790000000000, "boot": "9f3c21aa", "version": "0.1.0"})";
-  const auto report = [](const std::string& state, const std::string& in_force) {
-    return R"({"version": "v8", "hash": "5f0c9a31e7d2b846", "state": ")" + state +
-           R"(", "errors": ["/devices/0/link: there is no link \"line9\""], "desired_hash": ")" +
-           short_hash(kSent) + R"(", "in_force": ")" + in_force + R"(", "confirmed": true})";
-  };
   for (const char* name : {"edge1", "edge2"}) {
     fleet.take("fx/" + std::string(name) + "/state", online);
     fleet.take("fx/" + std::string(name) + "/config/desired", kSent);
@@ -90,11 +91,12 @@ TEST(FleetReport, LinesAndSumOfARolloutNameEachOutcome) {
   }
   Rollout rollout(pushes, {});
   RolloutLines lines(rollout);
-  const Fleet fleet = three_agents();
+  Fleet fleet = three_agents();
   std::string said;
   for (int i = 0; i < 4; ++i) {
     rollout.advance(fleet, {});
     said += lines.take();
+    fleet.take("fx/edge2/config/reported", report("rejected", "v7"));
   }
   EXPECT_EQ(said,
             "batch 1 of 3\n  edge1  accepted\nbatch 2 of 3\n  edge2  refused\n"

@@ -151,5 +151,31 @@ TEST_F(RolloutTest, AnAgentThatHasTheDocumentCountsAtOnce) {
   EXPECT_EQ(sent.advance(fleet, now), Indexes{1});
 }
 
+TEST_F(RolloutTest, ARefusalFromBeforeThePushIsNoAnswerToIt) {
+  for (const char* state : {"rejected", "rolled_back"}) {
+    Rollout sent = rollout({.batch = 1, .patience = 5s});
+    answer("a", state);
+    answer("b", state);
+    answer("c", state);
+    sent.advance(fleet, now);
+    EXPECT_EQ(sent.advance(fleet, now + 1s), Indexes{});
+    EXPECT_TRUE(sent.waits()) << state;
+    answer("a", "applied");
+    EXPECT_EQ(sent.advance(fleet, now + 1s), Indexes{1}) << "this time the disk was not full";
+    EXPECT_EQ(sent.advance(fleet, now + 6s), Indexes{});
+    EXPECT_EQ(sent.pushes()[1].outcome, Outcome::silent);
+    EXPECT_EQ(sent.pushes()[1].why.at(0), "no answer; it refused the same document before");
+  }
+}
+
+TEST_F(RolloutTest, TheSameRefusalAgainIsAnAnswer) {
+  Rollout sent = rollout({.batch = 1});
+  answer("a", "rejected");
+  sent.advance(fleet, now);
+  answer("a", "rejected");
+  sent.advance(fleet, now);
+  EXPECT_EQ(sent.pushes()[0].outcome, Outcome::refused);
+}
+
 }  // namespace
 }  // namespace fxagent
