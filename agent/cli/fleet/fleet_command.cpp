@@ -75,7 +75,7 @@ class FleetSession final {
   }
 
   /// Sends each document and waits for its answer, until the rollout is over. Calls `progress`
-  /// after each step of the rollout. Returns a fault, or an empty text.
+  /// after each step of the rollout and at its end. Returns a fault, or an empty text.
   std::string push(Rollout& rollout, const std::function<void()>& progress) {
     rollout_ = &rollout;
     while (fault_.empty()) {
@@ -91,6 +91,10 @@ class FleetSession final {
       if (rollout.waits()) step(rollout.deadline());
     }
     rollout_ = nullptr;
+    if (!fault_.empty()) {
+      rollout.end(fleet_);
+      progress();
+    }
     return fault_;
   }
 

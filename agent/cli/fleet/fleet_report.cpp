@@ -111,8 +111,9 @@ std::string reasons(const std::vector<std::string>& why, const std::string& befo
 }
 
 std::string_view word_of(Outcome outcome) {
-  constexpr std::array kWords{"not_sent"sv,    "no_answer"sv, "accepted"sv, "refused"sv,
-                              "not_allowed"sv, "no_answer"sv, "offline"sv,  "left_out"sv};
+  constexpr std::array kWords{"not_sent"sv, "no_answer"sv,   "accepted"sv,
+                              "refused"sv,  "not_allowed"sv, "no_answer"sv,
+                              "on_trial"sv, "offline"sv,     "left_out"sv};
   static_assert(kWords.size() == static_cast<std::size_t>(Outcome::left_out) + 1);
   return kWords[static_cast<std::size_t>(outcome)];
 }
@@ -231,6 +232,7 @@ std::string rollout_sum(const Rollout& rollout) {
          " of " + std::to_string(pushes.size()) + " accepted\n" +
          line("accepted: ", {Outcome::accepted}) + line("refused: ", {Outcome::refused}) +
          line("not allowed by the broker: ", {Outcome::not_allowed}) +
+         line("on trial: ", {Outcome::on_trial}) +
          line("no answer: ", {Outcome::silent, Outcome::waits}) +
          line("offline: ", {Outcome::offline, Outcome::left_out}) +
          line("not sent: ", {Outcome::not_sent});

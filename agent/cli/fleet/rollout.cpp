@@ -29,15 +29,26 @@ void judge(Push& push, const FleetAgent& agent, bool confirmed) {
   }
 }
 
-std::string reason_of_silence(const Push& push, const FleetAgent& agent, bool confirmed) {
+std::string reason_of_silence(bool has_refused, const FleetAgent& agent) {
   if (agent.presence != Presence::online) return "the agent went offline";
-  if (confirmed && agent.report && agent.report->desired_hash == push.hash)
-    return "its trial is not over";
-  if (agent.report && agent.report->desired_hash == push.hash && is_refusal(*agent.report))
-    return "no answer; it refused the same document before";
+  if (has_refused) return "no answer; it refused the same document before";
   if (!agent.report)
     return "no answer; the agent has never reported a config: is agent.remote_config set?";
   return "no answer";
+}
+
+/// Sets the outcome of a push that has not been decided in time.
+void give_up(Push& push, const FleetAgent& agent) {
+  const bool is_known = agent.report && agent.report->desired_hash == push.hash;
+  if (is_known && agent.report->state == "applied") {
+    push.outcome = Outcome::on_trial;
+    push.why.emplace_back(agent.presence == Presence::online
+                              ? "the document is in force; fleet status shows how its trial ends"
+                              : "the agent went offline during the trial");
+    return;
+  }
+  push.outcome = Outcome::silent;
+  push.why.push_back(reason_of_silence(is_known && is_refusal(*agent.report), agent));
 }
 
 }  // namespace
@@ -47,14 +58,7 @@ Rollout::Rollout(std::vector<Push> pushes, RolloutRules rules)
 
 std::vector<std::size_t> Rollout::advance(const Fleet& fleet, SteadyTime now) {
   if (over_) return {};
-  for (std::size_t i = begin_; i < end_; ++i) {
-    Push& push = pushes_[i];
-    if (push.is_decided()) continue;
-    judge(push, fleet.agent(push.agent), rules_.confirmed);
-    if (push.is_decided() || now < deadline_) continue;
-    push.outcome = Outcome::silent;
-    push.why.push_back(reason_of_silence(push, fleet.agent(push.agent), rules_.confirmed));
-  }
+  judge_batch(fleet, now >= deadline_);
   const std::span batch(pushes_.data() + begin_, end_ - begin_);
   if (!std::ranges::all_of(batch, &Push::is_decided)) return {};
   deadline_ = SteadyTime::max();
@@ -84,6 +88,21 @@ std::vector<std::size_t> Rollout::begin_batch(const Fleet& fleet, SteadyTime now
       push.why.emplace_back("the broker has no state of this agent");
   }
   return due;
+}
+
+void Rollout::end(const Fleet& fleet) {
+  judge_batch(fleet, /*time_is_up=*/true);
+  over_ = true;
+}
+
+void Rollout::judge_batch(const Fleet& fleet, bool time_is_up) {
+  for (std::size_t i = begin_; i < end_; ++i) {
+    Push& push = pushes_[i];
+    if (push.is_decided()) continue;
+    const FleetAgent& agent = fleet.agent(push.agent);
+    judge(push, agent, rules_.confirmed);
+    if (!push.is_decided() && time_is_up) give_up(push, agent);
+  }
 }
 
 void Rollout::not_accepted(std::size_t push, const std::string& why) {

@@ -22,6 +22,7 @@ struct Push {
     refused,      ///< the agent rejected it or rolled it back
     not_allowed,  ///< the broker did not accept the message
     silent,       ///< no answer in time
+    on_trial,     ///< the document is in force, and its trial was not over in time
     offline,      ///< the agent was not online when its batch began; nothing was sent
     left_out,     ///< the same, and the caller allows it
   };
@@ -52,6 +53,8 @@ class Rollout final {
   /// are to be published now, as indexes in pushes(): those of the next batch, once each agent of
   /// the batch before has accepted its document.
   std::vector<std::size_t> advance(const Fleet& fleet, SteadyTime now);
+  /// Ends the rollout before its time: the outcomes are those known so far.
+  void end(const Fleet& fleet);
   /// Records that the broker did not accept the document of an agent.
   void not_accepted(std::size_t push, const std::string& why);
 
@@ -71,6 +74,7 @@ class Rollout final {
   std::size_t batches() const { return (pushes_.size() + rules_.batch - 1) / rules_.batch; }
 
  private:
+  void judge_batch(const Fleet& fleet, bool time_is_up);
   std::vector<std::size_t> begin_batch(const Fleet& fleet, SteadyTime now);
 
   std::vector<Push> pushes_;

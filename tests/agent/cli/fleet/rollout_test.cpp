@@ -135,6 +135,24 @@ TEST_F(RolloutTest, WaitsForTheTrialIfAsked) {
   EXPECT_EQ(sent.pushes()[1].why, (std::vector<std::string>{"rolled back", "no link"}));
 }
 
+TEST_F(RolloutTest, AConfigWhoseTrialIsNotOverInTimeIsOnTrial) {
+  const auto after_the_end = [&](const auto& end) {
+    Rollout sent = rollout({.batch = 3, .patience = 5s, .confirmed = true});
+    sent.advance(fleet, now);
+    answer("a", "applied");
+    answer("b", "applied");
+    set_online("b", false);
+    end(sent);
+    EXPECT_TRUE(sent.is_over());
+    EXPECT_FALSE(sent.is_good());
+    EXPECT_EQ(outcomes(sent), (std::vector{Outcome::on_trial, Outcome::on_trial, Outcome::silent,
+                                           Outcome::not_sent}));
+    EXPECT_EQ(sent.pushes()[1].why.at(0), "the agent went offline during the trial");
+  };
+  after_the_end([&](Rollout& sent) { sent.advance(fleet, now + 5s); });
+  after_the_end([&](Rollout& sent) { sent.end(fleet); });
+}
+
 TEST_F(RolloutTest, StopsWhenTheBrokerRefusesTheMessage) {
   Rollout sent = rollout({.batch = 1});
   sent.advance(fleet, now);
