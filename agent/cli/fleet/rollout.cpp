@@ -22,7 +22,8 @@ void judge(Push& push, const FleetAgent& agent, bool confirmed) {
   if (is_refusal(report)) {
     if (agent.reports == push.reports_before) return;
     push.outcome = Outcome::refused;
-    if (report.state == "rolled_back") push.why.emplace_back("rolled back");
+    if (report.state == "rolled_back")
+      push.why.emplace_back("rolled back; to try it again, send it with another version");
     push.why.insert(push.why.end(), report.errors.begin(), report.errors.end());
   } else if (report.state == "applied" && (report.confirmed || !confirmed)) {
     push.outcome = Outcome::accepted;

@@ -132,7 +132,9 @@ TEST_F(RolloutTest, WaitsForTheTrialIfAsked) {
   answer("b", "rolled_back");
   sent.advance(fleet, now);
   EXPECT_TRUE(sent.is_over());
-  EXPECT_EQ(sent.pushes()[1].why, (std::vector<std::string>{"rolled back", "no link"}));
+  EXPECT_EQ(sent.pushes()[1].why,
+            (std::vector<std::string>{"rolled back; to try it again, send it with another version",
+                                      "no link"}));
 }
 
 TEST_F(RolloutTest, AConfigWhoseTrialIsNotOverInTimeIsOnTrial) {
