@@ -11,6 +11,10 @@ ROOT = "fx/plant-a"
 ACL = """user ann
 topic read fx/plant-a/#
 topic write fx/plant-a/+/config/desired
+user vic
+topic read fx/plant-a/+/state
+topic read fx/plant-a/+/health
+topic read fx/plant-a/+/config/reported
 user agents
 topic readwrite fx/plant-a/#
 """
@@ -90,7 +94,7 @@ class Fleet(PlantTest):
         status, out, _ = self.fleet("status")
         self.assertEqual(status, 1)
         self.assertIn("v2 REFUSED", out)
-        self.assertIn("2 of 3 online, 2 of 3 as sent", out)
+        self.assertIn("2 of 3 online, 1 of 2 as sent, 1 without a sent config", out)
 
         # An agent that is offline gets nothing, and stops what follows.
         status, out, _ = self.fleet("push", new, "--agents", "edge3,edge1", "--json")
@@ -133,7 +137,7 @@ class Fleet(PlantTest):
         self.assertEqual((status, agents["edge9"]["state"]), (1, "unknown"))
 
     def test_a_user_with_rights_for_configs_only_reads_all_and_pushes(self):
-        passwords = password_file(self.directory, ann="x", agents="x")
+        passwords = password_file(self.directory, ann="x", vic="x", agents="x")
         acl = write_text(os.path.join(self.directory, "acl"), ACL, 0o644)
         self.begin(f"allow_anonymous false\npassword_file {passwords}\nacl_file {acl}\n", "agents")
         secret = write_text(os.path.join(self.directory, "secret"), "x\n", 0o600)
@@ -143,6 +147,9 @@ class Fleet(PlantTest):
         self.assertIn("3 of 3 online", out)
         status, out, _ = self.fleet("push", self.document("v2", "line1"), "--agents", "edge1", *ann)
         self.assertEqual((status, out.splitlines()[-1]), (0, "accepted: edge1"))
+        _, out, _ = self.fleet("status", "--user", "vic", "--password-file", secret, "--wait-s", "1")
+        self.assertIn("v2 on trial, unread", out)
+        self.assertIn("3 of 3 online, 1 unread, 2 without a sent config", out)
         self.assertEqual(self.fleet("status")[0], 2, "no user")
 
 

@@ -65,8 +65,8 @@ Agreement agreement_of(const FleetAgent& agent) {
   if (state == "rejected") return Agreement::refused;
   if (state == "rolled_back") return Agreement::rolled_back;
   if (!agent.desired)
-    return agent.report && !agent.report->in_force.empty() ? Agreement::kept
-                                                           : Agreement::local_file;
+    return agent.report && !agent.report->desired_hash.empty() ? Agreement::unread
+                                                               : Agreement::local_file;
   return agent.report->confirmed ? Agreement::as_asked : Agreement::on_trial;
 }
 

@@ -46,10 +46,12 @@ struct FleetAgent {
 
 /// Agreement between the config that an agent has and the one that it was sent.
 enum class Agreement : std::uint8_t {
-  local_file,   ///< nothing is sent and nothing is in force: the local file alone
-  as_asked,     ///< the document is in force
-  on_trial,     ///< the document is in force, and its trial is not over
-  kept,         ///< a remote config is in force, and the broker has no document
+  local_file,  ///< nothing is sent: the local file alone
+  as_asked,    ///< the document is in force
+  on_trial,    ///< the document is in force, and its trial is not over
+  /// The agent has applied a document that was not received: this user may not read
+  /// config/desired, or the broker has lost the document.
+  unread,
   refused,      ///< the agent rejected the document
   rolled_back,  ///< the document was in force and no longer is
   no_answer,    ///< the agent has not answered the document

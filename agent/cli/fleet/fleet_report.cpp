@@ -21,6 +21,10 @@ using Presence = FleetAgent::Presence;
 /// Most reasons of one agent that the text lists. JSON has all.
 constexpr std::size_t kMostReasons = 10;
 
+constexpr const char* kUnread =
+    "unread: config/desired could not be read, and the agent's report is shown; this user may have "
+    "no right to it, or the broker has lost it\n";
+
 /// Escapes text for the terminal, without the backslashes that JSON puts before quotes.
 std::string plain(std::string_view text) {
   const std::string from = escaped(text, Escape::terminal);
@@ -65,19 +69,20 @@ std::string config_text(const FleetAgent& agent) {
 }
 
 std::string_view word_of(Agreement agreement) {
-  constexpr std::array kWords{"local_file"sv, "as_asked"sv,    "on_trial"sv, "kept"sv,
+  constexpr std::array kWords{"local_file"sv, "as_asked"sv,    "on_trial"sv, "unread"sv,
                               "refused"sv,    "rolled_back"sv, "no_answer"sv};
   static_assert(kWords.size() == static_cast<std::size_t>(Agreement::no_answer) + 1);
   return kWords[static_cast<std::size_t>(agreement)];
 }
 
-/// Returns the version of the document that an agreement is about.
+/// Returns the version of the document that an agreement is about; empty if it is not known.
 std::string asked_version(const FleetAgent& agent) {
-  std::string version;
-  if (agent.desired)
-    version = agent.desired->version;
-  else if (agent.report)
-    version = agent.report->version;
+  if (agent.desired) return agent.desired->version;
+  return agent.report ? agent.report->version : "";
+}
+
+std::string asked_text(const FleetAgent& agent) {
+  const std::string version = asked_version(agent);
   return version.empty() ? "the document" : plain(version);
 }
 
@@ -89,14 +94,14 @@ std::string agreement_text(const FleetAgent& agent) {
       return "as sent";
     case Agreement::on_trial:
       return "as sent, on trial";
-    case Agreement::kept:
-      return "kept, nothing sent";
+    case Agreement::unread:
+      return asked_text(agent) + (agent.report->confirmed ? " applied" : " on trial") + ", unread";
     case Agreement::refused:
-      return asked_version(agent) + " REFUSED";
+      return asked_text(agent) + " REFUSED";
     case Agreement::rolled_back:
-      return asked_version(agent) + " ROLLED BACK";
+      return asked_text(agent) + " ROLLED BACK";
     case Agreement::no_answer:
-      return asked_version(agent) + " NOT ANSWERED";
+      return asked_text(agent) + " NOT ANSWERED";
   }
   return {};
 }
@@ -145,22 +150,35 @@ std::string fleet_text(const Fleet& fleet) {
   std::vector<Row> rows{{"AGENT", "STATE", "VERSION", "CONFIG", "SENT"}};
   std::string refusals;
   std::size_t online = 0;
+  std::size_t sent = 0;
   std::size_t as_asked = 0;
+  std::size_t unread = 0;
+  std::size_t without = 0;
   for (const auto& [name, agent] : fleet.agents()) {
     rows.push_back({plain(name), state_text(agent), plain(agent.version),
                     agent.presence == Presence::unknown && !agent.report ? "" : config_text(agent),
                     agreement_text(agent)});
     const Agreement agreement = agreement_of(agent);
     if (agent.presence == Presence::online) ++online;
-    if (is_as_asked(agreement) && agent.presence != Presence::unknown) ++as_asked;
+    if (agreement == Agreement::unread) {
+      ++unread;
+    } else if (agreement != Agreement::local_file) {
+      ++sent;
+      if (is_as_asked(agreement)) ++as_asked;
+    } else if (agent.presence != Presence::unknown) {
+      ++without;
+    }
     if (agreement == Agreement::refused || agreement == Agreement::rolled_back)
       refusals += plain(name) +
                   (agreement == Agreement::refused ? " refuses " : " has rolled back ") +
-                  asked_version(agent) + ":\n" + reasons(agent.report->errors, "  ");
+                  asked_text(agent) + ":\n" + reasons(agent.report->errors, "  ");
   }
-  const std::string all = std::to_string(fleet.agents().size());
-  return table_text(rows) + refusals + std::to_string(online) + " of " + all + " online, " +
-         std::to_string(as_asked) + " of " + all + " as sent\n";
+  std::string sum =
+      std::to_string(online) + " of " + std::to_string(fleet.agents().size()) + " online";
+  if (sent > 0) sum += ", " + std::to_string(as_asked) + " of " + std::to_string(sent) + " as sent";
+  if (unread > 0) sum += ", " + std::to_string(unread) + " unread";
+  if (without > 0) sum += ", " + std::to_string(without) + " without a sent config";
+  return table_text(rows) + refusals + (unread > 0 ? kUnread : "") + sum + "\n";
 }
 
 std::string fleet_json(const Fleet& fleet) {
@@ -183,7 +201,7 @@ std::string fleet_json(const Fleet& fleet) {
     one["version"] = or_null(agent.version);
     one["config_hash"] = or_null(agent.report ? agent.report->hash : agent.hash);
     one["in_force"] = or_null(agent.report ? agent.report->in_force : std::string());
-    one["asked"] = or_null(agent.desired ? agent.desired->version : std::string());
+    one["asked"] = or_null(asked_version(agent));
     one["config"] = word_of(agreement_of(agent));
     one["errors"] = agent.report ? agent.report->errors : std::vector<std::string>();
     agents.push_back(std::move(one));

@@ -46,7 +46,7 @@ TEST(FleetReport, TableHasALineForEachAgentAndTheReasonOfARefusal) {
       "sent\n"
       "edge2 refuses v8:\n"
       "  /devices/0/link: there is no link \"line9\"\n"
-      "2 of 3 online, 2 of 3 as sent\n");
+      "2 of 3 online, 1 of 2 as sent, 1 without a sent config\n");
   EXPECT_FALSE(is_fleet_good(three_agents()));
 }
 
@@ -60,6 +60,30 @@ TEST(FleetReport, IsGoodOnlyIfEachAgentIsOnlineAndAsAsked) {
   fleet.take("fx/edge3/state", R"({"state": "online", "conflict": "aaaaaaaa"})");
   EXPECT_FALSE(is_fleet_good(fleet));
   EXPECT_FALSE(is_fleet_good(Fleet("fx"))) << "no agent";
+}
+
+TEST(FleetReport, ADocumentThatThisUserMayNotReadIsNotCounted) {
+  Fleet fleet = three_agents();
+  for (const char* name : {"edge1", "edge2"})
+    fleet.take("fx/" + std::string(name) + "/config/desired", "");
+  std::string text = fleet_text(fleet);
+  EXPECT_NE(text.find("v8 5f0c9a31    v8 applied, unread\n"), std::string::npos) << text;
+  EXPECT_NE(text.find("v8 REFUSED\n"), std::string::npos) << text;
+  EXPECT_NE(text.find("unread: config/desired could not be read"), std::string::npos) << text;
+  EXPECT_TRUE(
+      text.ends_with("\n2 of 3 online, 0 of 1 as sent, 1 unread, 1 without a sent config\n"))
+      << text;
+  const auto made = nlohmann::json::parse(fleet_json(fleet));
+  EXPECT_EQ(made["agents"][0]["config"], "unread");
+  EXPECT_EQ(made["agents"][0]["asked"], "v8");
+}
+
+TEST(FleetReport, AFleetToWhichNothingWasSentHasNoneAsSent) {
+  Fleet fleet("fx");
+  fleet.take("fx/e/state", R"({"state": "online"})");
+  fleet.add("edge9");
+  const std::string text = fleet_text(fleet);
+  EXPECT_TRUE(text.ends_with("\n1 of 2 online, 1 without a sent config\n")) << text;
 }
 
 TEST(FleetReport, TextFromAnAgentCannotControlTheTerminal) {
