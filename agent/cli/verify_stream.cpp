@@ -52,14 +52,14 @@ struct Reception {
 class Listener final {
  public:
   Listener(const MqttConfig& config, std::string base, StreamCheck check,
-           std::chrono::seconds listen)
+           std::chrono::seconds listen, const SettingNames& names)
       : servers_(config.servers),
         filters_{base + "/+/data/+/history", base + "/+/data/+"},
         listen_(listen),
         // A broker keeps no QoS 0 messages for a client that is away.
         keeps_messages_(config.qos > 0),
         check_(std::move(check)),
-        connection_(config, kMaxPayload, std::min(listen + kBrokerPatience, kMostKept)) {}
+        connection_(config, kMaxPayload, names, std::min(listen + kBrokerPatience, kMostKept)) {}
 
   /// Runs until the time is up, a signal arrives, or no server can be listened to at the start.
   Reception run() {
@@ -193,6 +193,16 @@ MqttConfig connection_of(const MqttConfig& config, const VerifyStream& what) {
   own.password_file = what.password_file;
   own.password_env = what.password_env;
   return own;
+}
+
+/// Returns the names of the config, and the options for user and password if they were given.
+SettingNames names_for(const VerifyStream& what) {
+  SettingNames names;
+  names.access =
+      "its access rules do not allow this for this user; fxagent acl CONFIG --viewer NAME prints "
+      "the rules of a user who may: name it with --username";
+  if (!what.username.empty()) names.user = "--username";
+  return names;
 }
 
 std::vector<std::string> sending_devices(const Config& config) {
@@ -342,7 +352,8 @@ int run_verify_stream(const Config& config, const VerifyStream& what) {
   const bool keeps_numbers = !config.store.path.empty() && config.store.sync_always;
   StreamCheck check(base, sending_devices(config),
                     keeps_numbers ? BootSkip::is_loss : BootSkip::allowed);
-  Listener listener(connection_of(config.mqtt, what), base, std::move(check), what.listen);
+  Listener listener(connection_of(config.mqtt, what), base, std::move(check), what.listen,
+                    names_for(what));
   const Reception reception = listener.run();
   if (!reception.fault.empty()) std::cerr << "verify-stream: " << reception.fault << '\n';
   if (!reception.listened) return kNotListened;

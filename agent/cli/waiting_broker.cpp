@@ -13,7 +13,7 @@
 namespace fxagent {
 
 WaitingBroker::WaitingBroker(const MqttConfig& config, std::size_t max_payload,
-                             std::chrono::seconds keep_session)
+                             const SettingNames& names, std::chrono::seconds keep_session)
     : news_(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)),
       signals_(stop_descriptor()),
       broker_(
@@ -23,7 +23,7 @@ WaitingBroker::WaitingBroker(const MqttConfig& config, std::size_t max_payload,
             // Fails only if the counter is full, and then an event is pending anyway.
             [[maybe_unused]] const auto written = write(news_, &one, sizeof one);
           },
-          max_payload, keep_session) {
+          max_payload, keep_session, names) {
   if (news_ < 0 || signals_ < 0) throw std::runtime_error("no free file handle");
 }
 

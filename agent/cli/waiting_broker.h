@@ -18,9 +18,9 @@ inline constexpr std::chrono::seconds kBrokerPatience{30};
 /// SIGTERM, which end the wait. Create it before any other thread, because it blocks these signals.
 class WaitingBroker final {
  public:
-  /// Cuts the payload of a message after `max_payload` + 1 bytes. For `keep_session` see
-  /// PahoBroker.
-  WaitingBroker(const MqttConfig& config, std::size_t max_payload,
+  /// Cuts the payload of a message after `max_payload` + 1 bytes. For `keep_session` and
+  /// `names` see PahoBroker.
+  WaitingBroker(const MqttConfig& config, std::size_t max_payload, const SettingNames& names,
                 std::chrono::seconds keep_session = {});
   WaitingBroker(const WaitingBroker&) = delete;
   WaitingBroker& operator=(const WaitingBroker&) = delete;

@@ -147,10 +147,16 @@ class Fleet(PlantTest):
         self.assertIn("3 of 3 online", out)
         status, out, _ = self.fleet("push", self.document("v2", "line1"), "--agents", "edge1", *ann)
         self.assertEqual((status, out.splitlines()[-1]), (0, "accepted: edge1"))
-        _, out, _ = self.fleet("status", "--user", "vic", "--password-file", secret, "--wait-s", "1")
+        vic = ("--user", "vic", "--password-file", secret)
+        _, out, _ = self.fleet("status", *vic, "--wait-s", "1")
         self.assertIn("v2 on trial, unread", out)
         self.assertIn("3 of 3 online, 1 unread, 2 without a sent config", out)
-        self.assertEqual(self.fleet("status")[0], 2, "no user")
+        status, out, _ = self.fleet("push", self.document("v3", "line1"), "--agents", "edge1", *vic)
+        self.assertEqual(status, 1)
+        self.assertIn("--engineer NAME", out)
+        status, _, err = self.fleet("status")
+        self.assertEqual(status, 2, "no user")
+        self.assertIn("set --user and --password-file", err)
 
 
 if __name__ == "__main__":

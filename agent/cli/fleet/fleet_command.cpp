@@ -37,6 +37,20 @@ constexpr seconds kBatchPatience{30};
 constexpr seconds kTrialPatience{120};  // a trial takes 60 s
 constexpr std::uint64_t kMarkerId = ~std::uint64_t{0};
 
+/// Returns the names of the options for the connection.
+SettingNames options() {
+  return {.servers = "--broker",
+          .version = "--mqtt-version",
+          .user = "--user",
+          .password_file = "--password-file",
+          .ca_file = "--ca",
+          .cert_file = "--cert",
+          .key_file = "--key",
+          .access =
+              "its access rules do not allow this for this user; fxagent acl CONFIG "
+              "--engineer NAME prints the rules of a user who may"};
+}
+
 MqttConfig connection_of(const FleetQuestion& what, const std::string& server) {
   MqttConfig mqtt = what.mqtt;
   mqtt.servers = {server};
@@ -54,7 +68,7 @@ class FleetSession final {
         marker_(root + "/" + mqtt.client_id),
         quiet_(quiet),
         fleet_(std::move(root)),
-        connection_(mqtt, kMaxDesiredBytes) {}
+        connection_(mqtt, kMaxDesiredBytes, options()) {}
 
   /// Connects and receives all retained messages of `names`, or of all agents if it is empty.
   /// Returns a fault, or an empty text.

@@ -61,17 +61,13 @@ std::string_view connack_text(int code) {
   return code > 0 && code < std::ssize(kTexts) ? kTexts[static_cast<std::size_t>(code)] : "";
 }
 
-constexpr std::string_view kAccessCure =
-    ": its access rules do not allow this for the agent's user; fxagent acl prints the rules that "
-    "the agent needs";
-
 /// Returns advice on the refusal of a CONNECT, of MQTT 5 or 3.1.1; empty: none.
-std::string_view cure_of_refusal(int code, const MqttConfig& config) {
+std::string cure_of_refusal(int code, bool has_user, const SettingNames& names) {
   switch (code) {
     case 1:
-      return ": set mqtt.version to 3.1.1 or 5";
+      return ": set " + names.version + " to 3.1.1 or 5";
     case MQTTREASONCODE_UNSUPPORTED_PROTOCOL_VERSION:
-      return ": set mqtt.version to 3.1.1";
+      return ": set " + names.version + " to 3.1.1";
     case 2:
     case MQTTREASONCODE_CLIENT_IDENTIFIER_NOT_VALID:
       return ": set mqtt.client_id to one that the broker accepts";
@@ -79,10 +75,10 @@ std::string_view cure_of_refusal(int code, const MqttConfig& config) {
     case 5:
     case MQTTREASONCODE_BAD_USER_NAME_OR_PASSWORD:
     case MQTTREASONCODE_NOT_AUTHORIZED:
-      return config.username.empty()
-                 ? ": the broker requires a user: set mqtt.username and password_file"
-                 : ": the broker does not accept mqtt.username with this password: compare both "
-                   "with the broker's password file";
+      return has_user ? ": the broker does not accept " + names.user +
+                            " with this password: compare both with the broker's password file"
+                      : ": the broker requires a user: set " + names.user + " and " +
+                            names.password_file;
     case 3:
     case MQTTREASONCODE_SERVER_UNAVAILABLE:
     case MQTTREASONCODE_SERVER_BUSY:
@@ -97,8 +93,8 @@ std::string_view cure_of_refusal(int code, const MqttConfig& config) {
              "unneeded clients";
     case MQTTREASONCODE_USE_ANOTHER_SERVER:
     case MQTTREASONCODE_SERVER_MOVED:
-      return ": the broker refers its clients to another server: put that address into "
-             "mqtt.servers";
+      return ": the broker refers its clients to another server: put that address into " +
+             names.servers;
     case MQTTREASONCODE_CONNECTION_RATE_EXCEEDED:
       return ": too many connections in a short time; the agent retries. If this persists, raise "
              "the broker's limit";
@@ -108,16 +104,16 @@ std::string_view cure_of_refusal(int code, const MqttConfig& config) {
 }
 
 /// Returns why the server's certificate was not accepted, and what to do.
-std::string distrust(long code, const MqttConfig& config) {
+std::string distrust(long code, const MqttConfig& config, const SettingNames& names) {
   std::string text =
       std::string("TLS: certificate verify failed: ") + X509_verify_cert_error_string(code);
   if (code == X509_V_ERR_CERT_HAS_EXPIRED || code == X509_V_ERR_CERT_NOT_YET_VALID)
     return text + ": renew it, or set this machine's clock";
   const bool own = config.tls && !config.tls->ca_file.empty();
-  return text +
-         (own ? ": mqtt.tls.ca_file " + config.tls->ca_file +
-                    " does not contain the authority that signed the server's certificate"
-              : ": set mqtt.tls.ca_file to the authority that signed the server's certificate");
+  return text + (own ? ": " + names.ca_file + " " + config.tls->ca_file +
+                           " does not contain the authority that signed the server's certificate"
+                     : ": set " + names.ca_file +
+                           " to the authority that signed the server's certificate");
 }
 
 /// Describes a packet that was rejected; empty: there was none.
@@ -162,13 +158,17 @@ std::string closed_text() {
          "connected with this agent's client id (each needs its own agent.id or mqtt.client_id)";
 }
 
-std::string refusal_text(int reason_code) {
-  const bool is_access = reason_code == MQTTREASONCODE_NOT_AUTHORIZED;
-  return reason_text(reason_code).append(is_access ? kAccessCure : std::string_view());
+FailureText::FailureText(const MqttConfig& config, const SettingNames& names, int version, bool tls)
+    : config_(config), names_(names), version_(version), tls_(tls) {}
+
+std::string FailureText::of_refused_topic(int reason_code) const {
+  const std::string text = reason_text(reason_code);
+  return reason_code == MQTTREASONCODE_NOT_AUTHORIZED ? with_access_cure(text) : text;
 }
 
-FailureText::FailureText(const MqttConfig& config, int version, bool tls)
-    : config_(config), version_(version), tls_(tls) {}
+std::string FailureText::with_access_cure(const std::string& text) const {
+  return text + ": " + names_.access;
+}
 
 int FailureText::refusal_of(const mqtt::token& token) const {
   if (version_ != MQTTVERSION_5) return 0;
@@ -180,11 +180,12 @@ int FailureText::refusal_of(const mqtt::token& token) const {
 
 std::string FailureText::of_connect(const mqtt::token& token,
                                     std::chrono::steady_clock::time_point since) const {
+  const bool has_user = !config_.username.empty();
   if (const int reason = refusal_of(token))
-    return reason_text(reason).append(cure_of_refusal(reason, config_));
+    return reason_text(reason) + cure_of_refusal(reason, has_user, names_);
   const int code = token.get_return_code();
   const std::string_view refusal = connack_text(code);
-  if (!refusal.empty()) return std::string(refusal).append(cure_of_refusal(code, config_));
+  if (!refusal.empty()) return std::string(refusal) + cure_of_refusal(code, has_user, names_);
   if (std::string refused = refused_packet(); !refused.empty()) return refused;
   const ConnectFaults faults = connect_faults(since);
   if (faults.lookup != 0)
@@ -200,7 +201,7 @@ std::string FailureText::of_connect(const mqtt::token& token,
 
 std::string FailureText::of_tls(const ConnectFaults& faults,
                                 std::chrono::steady_clock::time_point since) const {
-  if (faults.certificate != X509_V_OK) return distrust(faults.certificate, config_);
+  if (faults.certificate != X509_V_OK) return distrust(faults.certificate, config_, names_);
   if (faults.handshake_endless)
     return "the server's TLS handshake does not end within " + std::to_string(kMaxHandshake) +
            " bytes: is this the broker's port?";
@@ -214,7 +215,7 @@ std::string FailureText::of_tls(const ConnectFaults& faults,
     return "TLS: " + tls_reason +
            (tls_reason.find("certificate required") == std::string::npos
                 ? ""
-                : ": set mqtt.tls.cert_file and key_file");
+                : ": " + set_certificate());
   if (!faults.is_encrypted) return tls_reason.empty() ? kNoAnswer : "TLS: " + tls_reason;
   return std::chrono::steady_clock::now() - since < kPahoConnectTimeout ? cut_after_handshake()
                                                                         : kNoAnswer;
@@ -223,10 +224,13 @@ std::string FailureText::of_tls(const ConnectFaults& faults,
 std::string FailureText::cut_after_handshake() const {
   const std::string text = "the server ends the connection after the TLS handshake: ";
   const bool has_own = config_.tls && !config_.tls->cert_file.empty();
-  return has_own ? text +
-                       "it may not accept the certificate of mqtt.tls.cert_file: is it still "
-                       "valid, and does the broker trust its authority?"
-                 : text + "it may require a certificate: set mqtt.tls.cert_file and key_file";
+  return has_own ? text + "it may not accept the certificate of " + names_.cert_file +
+                       ": is it still valid, and does the broker trust its authority?"
+                 : text + "it may require a certificate: " + set_certificate();
+}
+
+std::string FailureText::set_certificate() const {
+  return "set " + names_.cert_file + " and " + names_.key_file;
 }
 
 std::string FailureText::of_plain(const ConnectFaults& faults,
@@ -239,12 +243,12 @@ std::string FailureText::of_plain(const ConnectFaults& faults,
            "does the broker accept this machine's address? If it is a port with TLS, try mqtts://";
   const std::string closed = "the server accepts the connection and closes it without an answer";
   return version_ == MQTTVERSION_5
-             ? closed + "; a broker without MQTT 5 does so: try \"version\": \"3.1.1\""
+             ? closed + "; a broker without MQTT 5 does so: set " + names_.version + " to 3.1.1"
              : closed + ": is it an MQTT broker?";
 }
 
 std::string FailureText::of_publish(const mqtt::token& token) const {
-  if (const int reason = refusal_of(token)) return refusal_text(reason);
+  if (const int reason = refusal_of(token)) return of_refused_topic(reason);
   const std::string text = mqtt::exception::error_str(token.get_return_code());
   return text.empty() ? "code " + std::to_string(token.get_return_code()) : text;
 }
@@ -252,7 +256,7 @@ std::string FailureText::of_publish(const mqtt::token& token) const {
 std::string FailureText::of_subscribe(const mqtt::token& token) const {
   // The only failure code that MQTT 3.1.1 has, section 3.9.3; Paho has no text for it.
   if (version_ != MQTTVERSION_5 && token.get_return_code() == 0x80)
-    return std::string("refused by the broker").append(kAccessCure);
+    return with_access_cure("refused by the broker");
   return of_publish(token);
 }
 

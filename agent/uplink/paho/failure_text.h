@@ -9,6 +9,7 @@
 #include <string>
 
 #include "agent/config/model.h"
+#include "agent/uplink/paho/setting_names.h"
 
 namespace fxagent {
 
@@ -34,16 +35,14 @@ bool is_disconnected(int return_code);
 std::string disconnect_text(const mqtt::properties& properties, int code);
 /// Describes a connection found closed. Call on the thread that found it.
 std::string closed_text();
-/// Describes the refusal of a topic by an MQTT 5 reason code.
-std::string refusal_text(int reason_code);
 
 /// Describes the failures of one connection. Immutable. Call on the thread of Paho that reports the
 /// failure.
 class FailureText final {
  public:
-  /// `config` outlives the object. `version` is Paho's number of the MQTT version. `tls`: the
-  /// server is one by TLS.
-  FailureText(const MqttConfig& config, int version, bool tls);
+  /// `config` outlives the object. `names` are those of its settings. `version` is Paho's number of
+  /// the MQTT version. `tls`: the server is one by TLS.
+  FailureText(const MqttConfig& config, const SettingNames& names, int version, bool tls);
 
   /// Returns the MQTT 5 reason code of a refusal; 0 if it is not the broker's. Paho puts the code
   /// of a CONNACK into the return code, any other into the reason code.
@@ -53,6 +52,8 @@ class FailureText final {
                          std::chrono::steady_clock::time_point since) const;
   std::string of_publish(const mqtt::token& token) const;
   std::string of_subscribe(const mqtt::token& token) const;
+  /// Describes the refusal of a topic by an MQTT 5 reason code.
+  std::string of_refused_topic(int reason_code) const;
 
  private:
   std::string of_tls(const ConnectFaults& faults,
@@ -60,8 +61,11 @@ class FailureText final {
   std::string of_plain(const ConnectFaults& faults,
                        std::chrono::steady_clock::time_point since) const;
   std::string cut_after_handshake() const;
+  std::string set_certificate() const;
+  std::string with_access_cure(const std::string& text) const;
 
   const MqttConfig& config_;
+  const SettingNames names_;
   const int version_;
   const bool tls_;
 };

@@ -88,12 +88,13 @@ Result<std::optional<std::string>> read_password(const MqttConfig& config) {
 }  // namespace
 
 PahoBroker::PahoBroker(const MqttConfig& config, MakeWill make_will, std::function<void()> notify,
-                       std::size_t max_payload, seconds keep_session)
+                       std::size_t max_payload, seconds keep_session, const SettingNames& names)
     : config_(config),
       make_will_(std::move(make_will)),
       max_payload_(max_payload),
       // MQTT 3.1.1 has no expiry: the broker would keep the session of an ended program forever.
       keep_session_(config.version == 5 ? keep_session : seconds(0)),
+      names_(names),
       inbox_(std::make_shared<PahoInbox>(std::move(notify))) {
   static std::once_flag once;
   std::call_once(once, leave_openssl_alone);
@@ -141,7 +142,7 @@ void PahoBroker::connect(std::size_t index, std::uint16_t receive_maximum) {
       return inbox_->post(number, ConnectFailed{std::string(fault->key) + " " + fault->text});
   try {
     connection_ = std::make_unique<PahoConnection>(
-        inbox_, number, config_, config_.servers.at(index), max_payload_, keep_session_);
+        inbox_, number, config_, config_.servers.at(index), max_payload_, keep_session_, names_);
     connection_->connect(make_will_ ? make_will_() : Publication{}, *password, receive_maximum);
   } catch (const std::exception& error) {
     inbox_->post(number, ConnectFailed{error.what()});

@@ -15,6 +15,7 @@
 
 #include "agent/config/model.h"
 #include "agent/uplink/broker.h"
+#include "agent/uplink/paho/setting_names.h"
 
 namespace fxagent {
 
@@ -32,9 +33,10 @@ class PahoBroker final : public Broker {
   /// threads when there are events; it must not block or throw, and may be called until the
   /// destructor returns. A message's payload is cut after `max_payload` + 1 bytes. The broker keeps
   /// subscriptions and QoS 1 messages of a lost connection for `keep_session`, on MQTT 5 only; see
-  /// Connected::session_present.
+  /// Connected::session_present. `names` are those of the settings of `config` in error texts.
   PahoBroker(const MqttConfig& config, MakeWill make_will, std::function<void()> notify,
-             std::size_t max_payload = kMaxMessageBytes, std::chrono::seconds keep_session = {});
+             std::size_t max_payload = kMaxMessageBytes, std::chrono::seconds keep_session = {},
+             const SettingNames& names = {});
   /// Waits up to 2 s for an open connection to close.
   ~PahoBroker() override;
 
@@ -59,6 +61,7 @@ class PahoBroker final : public Broker {
   const MakeWill make_will_;
   const std::size_t max_payload_;
   const std::chrono::seconds keep_session_;
+  const SettingNames names_;
   /// Owned by this object and every connection: a callback may still run after its connection has
   /// been retired.
   std::shared_ptr<PahoInbox> inbox_;

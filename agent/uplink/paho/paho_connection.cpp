@@ -64,7 +64,7 @@ std::string filter_of(const mqtt::token& token) {
   return topics && !topics->empty() ? (*topics)[0] : std::string();
 }
 
-Subscribed subscribed(const mqtt::token& token) {
+Subscribed subscribed(const mqtt::token& token, const FailureText& texts) {
   Subscribed event{filter_of(token), false, "a SUBACK without a reason code"};
   // A named object, because it owns what get_reason_codes() returns.
   const mqtt::subscribe_response response = token.get_subscribe_response();
@@ -79,7 +79,7 @@ Subscribed subscribed(const mqtt::token& token) {
   if (event.granted)
     event.text.clear();
   else if (code >= 0x80 && code <= 0xFF)
-    event.text = refusal_text(code);
+    event.text = texts.of_refused_topic(code);
   else
     event.text = "a SUBACK that does not match the request";
   return event;
@@ -116,7 +116,8 @@ void ReadPause::apply() noexcept {
 
 PahoConnection::PahoConnection(std::shared_ptr<PahoInbox> inbox, std::uint64_t number,
                                const MqttConfig& config, const std::string& server,
-                               std::size_t max_payload, seconds keep_session)
+                               std::size_t max_payload, seconds keep_session,
+                               const SettingNames& names)
     : inbox_(std::move(inbox)),
       number_(number),
       config_(config),
@@ -124,7 +125,7 @@ PahoConnection::PahoConnection(std::shared_ptr<PahoInbox> inbox, std::uint64_t n
       keep_session_(keep_session),
       version_(config.version == 5 ? MQTTVERSION_5 : MQTTVERSION_3_1_1),
       tls_(is_tls(server)),
-      failure_text_(config_, version_, tls_),
+      failure_text_(config_, names, version_, tls_),
       client_(paho_uri(server), config.client_id,
               mqtt::create_options_builder()
                   .mqtt_version(version_)
@@ -246,7 +247,7 @@ void PahoConnection::on_success(const mqtt::token& token) noexcept {
       case mqtt::token::PUBLISH:
         return post(Delivered{id_of(token)});
       case mqtt::token::SUBSCRIBE:
-        return post(subscribed(token));
+        return post(subscribed(token, failure_text_));
       case mqtt::token::DISCONNECT:
         return post(Disconnected{});
       case mqtt::token::UNSUBSCRIBE:

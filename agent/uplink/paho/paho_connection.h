@@ -53,7 +53,7 @@ class PahoConnection final : public virtual mqtt::callback, public virtual mqtt:
   /// session of its own.
   PahoConnection(std::shared_ptr<PahoInbox> inbox, std::uint64_t number, const MqttConfig& config,
                  const std::string& server, std::size_t max_payload,
-                 std::chrono::seconds keep_session);
+                 std::chrono::seconds keep_session, const SettingNames& names);
 
   /// Posts Connected or ConnectFailed. Call once. `will` as from MakeWill.
   void connect(const Publication& will, const std::optional<std::string>& password,

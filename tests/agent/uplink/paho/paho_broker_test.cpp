@@ -52,7 +52,7 @@ class Client {
  public:
   explicit Client(MqttConfig config,
                   std::optional<Publication> will = retained("will/topic", "gone"),
-                  std::size_t max_payload = kMaxMessageBytes)
+                  std::size_t max_payload = kMaxMessageBytes, const SettingNames& names = {})
       : broker_(
             config, will ? MakeWill([will] { return *will; }) : MakeWill(),
             [this] {
@@ -60,7 +60,7 @@ class Client {
               news_ = true;
               changed_.notify_one();
             },
-            max_payload) {}
+            max_payload, std::chrono::seconds(0), names) {}
 
   PahoBroker* operator->() { return &broker_; }
 
@@ -605,6 +605,16 @@ TEST_P(PahoBrokerVersion, WrongPasswordAndMissingUserNameTheKeysToSet) {
   config.password = "left";
   const std::string text = Client(config).refusal();
   expect_says(text, "does not accept mqtt.username with this password");
+}
+
+TEST(PahoBroker, TextsHaveTheNamesThatTheCallerGivesItsSettings) {
+  const Scratch directory;
+  const Mosquitto mosquitto = edge7_only(directory);
+  SettingNames names;
+  names.user = "--user";
+  names.password_file = "--password-file";
+  Client client(settings(mosquitto.url()), std::nullopt, kMaxMessageBytes, names);
+  expect_says(client.refusal(), "set --user and --password-file");
 }
 
 TEST(PahoBroker, SessionTakenOverNamesTheClientId) {
