@@ -169,13 +169,16 @@ enum class Object { command, command_with_targets, target };
 
 /// Returns why a known key must not stand there; empty if it may.
 std::string why_misplaced(const Key& key, Object object, std::optional<Op> op) {
+  const bool needs_one_target = key.stands == Stands::beside_one_target;
   if (object == Object::target && key.stands != Stands::in_target)
-    return "is not a key of a target";
+    return std::string("is not a key of a target") +
+           (needs_one_target ? ": it needs a command without targets" : "");
   if (!op) return "";
   if ((key.ops & kGroups[static_cast<std::size_t>(*op)]) == 0)
     return "is not for op " + std::string(to_string(*op));
   if (object == Object::command_with_targets && key.stands != Stands::in_command)
-    return "cannot be used together with targets: set it in each target";
+    return std::string("cannot be used together with targets: ") +
+           (needs_one_target ? "send a command with one tag or address" : "set it in each target");
   return "";
 }
 
