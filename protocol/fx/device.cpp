@@ -348,8 +348,11 @@ Result<void> check_write(Model model, const Span& span) {
   const DeviceKind& kind = kind_of(static_cast<Space>(span.space));
   if (kind.bits == 1) {
     if (span.bits != 1 && (span.first_bit % 8 != 0 || span.bits % 8 != 0))
-      return refuse(device_name(span) + ": " + std::to_string(span.bits) +
-                    " bits do not fill whole bytes: a write would change the bits next to them");
+      return refuse(
+          device_name(span) + ": a write of several bits must begin at a multiple of 8, such as " +
+          device_name({span.space, span.first_bit / 8 * 8, 1}) +
+          ", and fill whole bytes, or it would change the bits next to them. Write single bits "
+          "instead, in a list of targets");
   } else if (span.first_bit % kind.bits != 0 || span.bits % kind.bits != 0) {
     return refuse(device_name(span) + ": only whole words can be written");
   }

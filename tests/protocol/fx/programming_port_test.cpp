@@ -176,7 +176,10 @@ TEST(ProgrammingPort, WritesThatBreakTheLimitsAreNotSent) {
   expect_says(refused(Write{span("D0", 66), Bytes(66)}), "at most 512");
   expect_says(refused(Write{span("D0", 4), Bytes(2)}), "with 2 bytes");
   expect_says(refused(Write{{id(Space::m), 0, 1}, Bytes(1)}), "whole bytes");
-  expect_says(refused(Write{{id(Space::m), 4, 8}, Bytes(1)}), "whole bytes");
+  expect_says(refused(Write{{id(Space::m), 12, 8}, Bytes(1)}),
+              "M12: a write of several bits must begin at a multiple of 8, such as M8, and fill "
+              "whole bytes");
+  expect_says(refused(Write{{id(Space::y), 9, 8}, Bytes(1)}), "such as Y10,");
   expect_says(refused(Write{span("M8032", 1), Bytes(1)}), "M8118");
   expect_says(refused(Force{id(Space::special_m), 118, true}), "M8118");
   expect_says(refused(Force{id(Space::special_m), 36, false}), "M8118");
