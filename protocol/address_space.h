@@ -92,4 +92,12 @@ class AddressSpace {
   virtual std::uint32_t max_write_bits(std::uint16_t space) const = 0;
 };
 
+/// Returns the names of the first and the last device of `span`, "D100 to D103"; of a single device
+/// "D100".
+inline std::string names_of(const AddressSpace& addresses, const Span& span) {
+  const std::string first = addresses.name_of({span.space, span.first_bit, 1});
+  const std::string last = addresses.name_of({span.space, span.end_bit() - 1, 1});
+  return first == last ? first : first + " to " + last;
+}
+
 }  // namespace fxagent

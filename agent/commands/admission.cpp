@@ -134,6 +134,27 @@ std::string nearest_tag(std::string_view said, const DeviceConfig& device) {
   return did_you_mean(said, names);
 }
 
+/// Returns the detail for a point that was given by its address, outside of commands.allow. Names a
+/// tag of this address, through which the command would be admitted.
+std::string why_not_allowed(const AddressSpace& addresses, const DeviceConfig& device, Op op,
+                            const Point& point) {
+  const Span span = *span_of(point);
+  std::string text = "commands.allow does not cover ";
+  text += span == point.address.span ? std::string(point.address.text) : names_of(addresses, span);
+  const auto tag = std::ranges::find_if(device.tags, [&](const TagConfig& each) {
+    return each.point.address == point.address && (op == Op::read || each.writable);
+  });
+  if (tag != device.tags.end())
+    text += "; the tag " + std::string(tag->name) + " has this address: name the tag instead";
+  return text;
+}
+
+/// Returns "TN5" or "TS5" for T5.
+std::string with_letter(std::string address, char letter) {
+  address.insert(std::min(address.find_first_of("0123456789"), address.size()), 1, letter);
+  return address;
+}
+
 }  // namespace
 
 CommandAdmission::Decision CommandAdmission::admit(Command command,
@@ -286,7 +307,9 @@ std::optional<Refusal> CommandAdmission::resolve_place(const Codec& codec, Op op
     out.point = tag->point;
   } else {
     if (!target.type && codec.addresses().needs_type(target.address))
-      return refuse(fault, target.address + " is both a contact and a value: set type");
+      return refuse(fault, target.address + " is both a contact and a value: write " +
+                               with_letter(target.address, 'S') + " for the contact, " +
+                               with_letter(target.address, 'N') + " for the value, or set type");
     const auto address = codec.addresses().parse_address(target.address, target.type);
     if (!address) return refuse(fault, address.error().text);
     out.point.address = *address;
@@ -303,7 +326,11 @@ std::optional<Refusal> CommandAdmission::resolve_place(const Codec& codec, Op op
   const bool is_bit = !out.point.is_array &&
                       (place.unit == Unit::bit || (place.unit == Unit::word_bit && place.writable));
   if ((op == Op::force_on || op == Op::force_off) && !is_bit)
-    return refuse(Reason::bad_address, out.point.address.text + " is not a single bit device");
+    return refuse(
+        Reason::bad_address,
+        (target.tag.empty() ? "" : "the tag " + target.tag + " at ") + place.text +
+            " is not a single bit device" +
+            (out.point.is_array ? ": its count is " + std::to_string(out.point.count) : ""));
   if (codec.is_broadcast()) {
     if (op != Op::read) return std::nullopt;
     return refuse(fault, "no device answers a broadcast, so nothing can be read");
@@ -320,13 +347,17 @@ std::optional<Refusal> CommandAdmission::resolve_place(const Codec& codec, Op op
 std::optional<Refusal> CommandAdmission::check_access(const Codec& codec, const Command& command,
                                                       const AdmittedTarget& target) const {
   const Span span = *span_of(target.point);
-  const std::string name(target.point.address.text);
   const bool allowed = is_covered(span, device_->commands.allow);
+  const auto not_allowed = [&] {
+    return refuse(Reason::not_allowed,
+                  why_not_allowed(codec.addresses(), *device_, *command.op, target.point));
+  };
   if (*command.op == Op::read) {
     if (target.tag_index || allowed || command.any_address) return std::nullopt;
-    return refuse(Reason::not_allowed, name + " is neither a tag nor in commands.allow");
+    return not_allowed();
   }
-  if (!target.point.address.writable) return refuse(Reason::not_writable, name + " is read only");
+  if (!target.point.address.writable)
+    return refuse(Reason::not_writable, std::string(target.point.address.text) + " is read only");
   if (const auto writable = codec.addresses().check_write(span); !writable)
     return refuse(Reason::not_writable, writable.error().text);
   if (target.tag_index) {
@@ -336,7 +367,7 @@ std::optional<Refusal> CommandAdmission::check_access(const Codec& codec, const 
                   "commands may write it");
   }
   if (allowed) return std::nullopt;
-  return refuse(Reason::not_allowed, name + " is not covered by commands.allow");
+  return not_allowed();
 }
 
 std::optional<Refusal> CommandAdmission::check_value(const Codec& codec, const Command& command,

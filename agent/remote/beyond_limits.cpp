@@ -154,7 +154,7 @@ class DeviceLimits {
   void check() {
     for (const Span& span : device_.commands.allow)
       if (!is_covered(span, allow_))
-        error("commands.allow with " + name_of(span) +
+        error("commands.allow with " + names_of(codec_->addresses(), span) +
               " goes beyond the local file and its remote_allow" + why_not(span));
     for (const TagConfig& tag : device_.tags)
       if (tag.writable && !is_open(tag)) check_tag(tag);
@@ -171,13 +171,6 @@ class DeviceLimits {
  private:
   void error(std::string text) {
     errors_.add({"/devices", 0, device_.name + ": " + std::move(text)});
-  }
-
-  std::string name_of(const Span& span) const {
-    const AddressSpace& addresses = codec_->addresses();
-    const std::string first = addresses.name_of({span.space, span.first_bit, 1});
-    const std::string last = addresses.name_of({span.space, span.end_bit() - 1, 1});
-    return first == last ? first : first + " to " + last;
   }
 
   /// Names the cure if `span` is open to devices of the local file only.

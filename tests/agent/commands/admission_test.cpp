@@ -624,6 +624,18 @@ TEST_F(CommandAdmissionTest, RawWriteMustBeCoveredWhole) {
   EXPECT_EQ(answered(raw("next bit", "M108", flag(true))).reason, Reason::not_allowed);
 }
 
+TEST_F(CommandAdmissionTest, AddressThatIsNotAllowedIsNamedWholeAndWithItsTag) {
+  EXPECT_EQ(answered(raw("one", "D101", number(5))).detail, "commands.allow does not cover D101");
+  EXPECT_EQ(answered(raw("three", "D500", numbers({1, 2, 3}))).detail,
+            "commands.allow does not cover D500 to D502");
+  constexpr const char* kOfTag =
+      "commands.allow does not cover D200; the tag setpoint has this address: name the tag instead";
+  EXPECT_EQ(answered(raw("tag", "D200", number(5))).detail, kOfTag);
+  EXPECT_EQ(answered(read("read", "", "D200")).detail, kOfTag);
+  EXPECT_EQ(answered(raw("read only", "D120", number(5))).detail,
+            "commands.allow does not cover D120");
+}
+
 TEST_F(CommandAdmissionTest, AddressIsCheckedBeforeTheAllowList) {
   EXPECT_EQ(answered(raw("octal", "X8", flag(true))).reason, Reason::bad_address);
   EXPECT_EQ(answered(raw("nonsense", "Q7", number(1))).reason, Reason::bad_address);
@@ -635,7 +647,9 @@ TEST_F(CommandAdmissionTest, AddressIsCheckedBeforeTheAllowList) {
 TEST_F(CommandAdmissionTest, TimerNeedsATypeToBeToldApart) {
   const CommandResult result = answered(raw("b7e1", "T5", number(1)));
   EXPECT_EQ(result.reason, Reason::bad_address);
-  EXPECT_NE(result.detail.find("type"), std::string::npos);
+  EXPECT_EQ(result.detail,
+            "T5 is both a contact and a value: write TS5 for the contact, TN5 for the value, or "
+            "set type");
   EXPECT_EQ(admit(raw("value", "T5", number(1), DataType::int16)).targets[0].point.address.text,
             "TN5");
   EXPECT_EQ(
@@ -645,6 +659,11 @@ TEST_F(CommandAdmissionTest, TimerNeedsATypeToBeToldApart) {
 
 TEST_F(CommandAdmissionTest, ForceIsForSingleBits) {
   EXPECT_EQ(answered(force("word", "D100")).reason, Reason::bad_address);
+  device.tags.push_back(writable(array_of(tag(*device.codec, "lamps", "M200"), 8)));
+  Command lamps = force("lamps", "");
+  lamps.targets[0].tag = "lamps";
+  EXPECT_EQ(answered(lamps).detail,
+            "the tag lamps at M200 is not a single bit device: its count is 8");
   const AdmittedCommand admitted = admit(force("bit", "M100"));
   const auto frame = device.codec->encode(admitted.targets[0].requests.at(0), 0);
   EXPECT_EQ(to_hex(*frame), to_hex(force_frame(kForceM100, true)));

@@ -472,9 +472,7 @@ void DeviceReader::check_exists(const ConfigNode& address, const Span& span) {
     return way.first_bit <= span.first_bit && span.end_bit() <= way.end_bit;
   });
   if (!reached)
-    reader_.error(address, "the protocol cannot reach " + codec_->addresses().name_of(span) +
-                               " to " +
-                               codec_->addresses().name_of({span.space, span.end_bit() - 1, 1}));
+    reader_.error(address, "the protocol cannot reach " + names_of(codec_->addresses(), span));
 }
 
 // ---- commands ---------------------------------------------------------------------------------
