@@ -49,12 +49,11 @@ void Line::attach(Station& station, const ResponseTime& response) {
 
 void Line::open() {
   port_ = settings_.udp.value_or(settings_.tcp);
-  if (settings_.udp) {
-    open_udp();
-  } else if (settings_.pty.empty()) {
-    open_tcp();
-  } else {
-    open_pty();
+  if (!settings_.pty.empty()) return open_pty();
+  try {
+    settings_.udp ? open_udp() : open_tcp();
+  } catch (const std::system_error& error) {
+    throw std::system_error(error.code(), settings_.listen + ":" + std::to_string(port_));
   }
 }
 

@@ -338,7 +338,14 @@ TEST(Simulator, LinesThatCannotBeOpenedAreErrors) {
   };
   EXPECT_THROW(open(serial({{"pty", "/nowhere/at/all"}})), std::system_error);
   Running sim(network());
-  EXPECT_THROW(open(network({{"tcp", sim.port("p1")}})), std::system_error);
+  const auto port = sim.port("p1");
+  try {
+    open(network({{"tcp", port}}));
+    ADD_FAILURE() << "the port was free";
+  } catch (const std::system_error& error) {
+    EXPECT_EQ(std::string(error.what()),
+              "127.0.0.1:" + std::to_string(port) + ": Address already in use");
+  }
   std::ofstream(sim.path("file")) << "no link";
   EXPECT_THROW(open(serial({{"pty", sim.path("file")}})), std::system_error);
 }
