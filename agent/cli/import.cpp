@@ -51,8 +51,9 @@ int run_import(const ImportQuestion& what) {
   auto names = names_in(import_formats());
   names.insert(names.begin(), "auto");
   if (std::ranges::find(names, what.format) == names.end())
-    return refused("import",
-                   "there is no format " + shown(what.format) + did_you_mean(what.format, names));
+    return refused("import", "there is no format " + shown(what.format) +
+                                 did_you_mean(what.format, names) + "; the formats are " +
+                                 joined(names, ", ") + ", and a spreadsheet must be saved as CSV");
   if (const std::string fault = fault_of(what.options); !fault.empty())
     return refused("import", fault);
   const auto bytes = read_config_file(what.path);
@@ -64,8 +65,8 @@ int run_import(const ImportQuestion& what) {
                        "spreadsheet program or `xlsx2csv`, and import the CSV");
   const ImportFormat* format = format_of(what.format, *bytes);
   if (format == nullptr)
-    return refused("import",
-                   what.path + ": the format is not recognised; name it: " + one_of(names));
+    return refused("import", what.path + ": the format is not recognised; name it: " +
+                                 one_of(names_in(import_formats())));
   const auto text = to_utf8(*bytes, format->legacy);
   if (!text) return refused("import", what.path + ": " + text.error());
   auto imported = format->read(*text, what.options);

@@ -141,7 +141,8 @@ bool drop_of_device(Imported& imported, const ConfigError& error, std::string_vi
     imported.note(0, "not imported: " + key + " of " + name + ": " + error.text);
     return true;
   }
-  imported.note(0, "left out: the device " + name + ": " + key + " " + error.text);
+  imported.note(0, "left out: the device " + name + ": " + key + ": " + error.text +
+                       (key == "model" ? " (--protocol names the protocol)" : ""));
   imported.left_out += device.tags.size();
   imported.devices.erase(imported.devices.begin() + static_cast<std::ptrdiff_t>(index));
   return true;

@@ -56,6 +56,13 @@ class Import(unittest.TestCase):
         status, _, err = fxagent("import", "neuron", workbook)
         self.assertEqual(status, 2)
         self.assertIn(f"{workbook}: is a zip file, perhaps a workbook (.xlsx): save its sheet as CSV", err)
+        for arguments, text in ((["xlsx", nothing], "the formats are auto, kepware, csv, gx, neuron, thingsboard, telegraf, and "
+                                 "a spreadsheet must be saved as CSV"),
+                                (["auto", self.file("x", "x")],
+                                 "name it: kepware, csv, gx, neuron, thingsboard or telegraf")):
+            status, _, err = fxagent("import", *arguments)
+            self.assertEqual(status, 2)
+            self.assertIn(text, err)
         for arguments in (["gxx", nothing], ["gx", "/nowhere"], ["neuron", nothing], ["auto", self.file("x", "x")],
                           ["gx", nothing, "--protocol", "modbus-rtx"], ["gx", nothing, "--port", "COM1"],
                           ["gx", nothing, "--device", "A b"], ["gx"]):

@@ -5,6 +5,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include "agent/import/formats.h"
+
 namespace fxagent {
 namespace {
 
@@ -160,9 +162,21 @@ TEST(FinishedImport, AnOddNumberOfALinkOrDeviceCostsNoOther) {
   EXPECT_FALSE(config["devices"][0].contains("timeout_ms"));
   EXPECT_FALSE(config["devices"][0]["groups"][0].contains("interval_ms"));
   for (const char* what :
-       {"not imported: baud of line1: ", "left out: the device unit300: unit ",
+       {"not imported: baud of line1: ", "left out: the device unit300: unit: ",
         "not imported: timeout_ms of unit3: ", "not imported: interval_ms of unit3: "})
     EXPECT_NE(notes.find(what), std::string::npos) << what << "\n" << notes;
+}
+
+TEST(FinishedImport, ModelThatTheUsualProtocolDoesNotReachNamesTheOption) {
+  ImportOptions options;
+  options.model = "FX5U";
+  options.port = "192.0.2.20:5007";
+  const auto outcome = finish(*import_gx_comments("Device Name,Comment\nD0,speed\n", options));
+  ASSERT_EQ(outcome.notes.size(), 1U);
+  const std::string& note = outcome.notes[0].text;
+  EXPECT_TRUE(note.starts_with("left out: the device plc1: model: fx-programming-port does not"))
+      << note;
+  EXPECT_TRUE(note.ends_with(" (--protocol names the protocol)")) << note;
 }
 
 TEST(FinishedImport, IsNothingWhereNoTagIsLeft) {
