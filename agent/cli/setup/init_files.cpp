@@ -72,12 +72,21 @@ std::string config_text(const InitAnswers& answers) {
 
 // ---- unit drop-in -----------------------------------------------------------------------------
 
+/// True for a path relative to the config, without environment variables.
+bool is_beside_config(const std::string& file) {
+  return !file.empty() && !file.starts_with('/') && file.find("${") == file.npos;
+}
+
 std::string drop_in_text(const InitAnswers& answers, const std::string& directory) {
   const std::string config = "/" + std::string(kConfig);
   const std::string place = std::string(kPlace) + config;
   std::string text = "# Additions to fxagent.service for this plant. Install it with:\n";
-  if (directory != kPlace)
+  if (directory != kPlace) {
     text += "#   install -D -m 644 " + directory + config + " " + place + "\n";
+    if (const std::string& file = answers.password_file; is_beside_config(file))
+      text += "#   install -D -m 600 -o fxagent " + directory + "/" + file + " " +
+              std::string(kPlace) + "/" + file + "\n";
+  }
   text += "#   install -D -m 644 " + directory + "/" + std::string(kDropIn) +
           " /etc/systemd/system/fxagent.service.d/plant.conf\n"
           "#   systemctl daemon-reload\n"

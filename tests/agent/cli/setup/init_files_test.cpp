@@ -127,6 +127,15 @@ TEST(InitFiles, TheUnitReadsItsConfigWhereItsUserCan) {
       text.npos)
       << text;
   EXPECT_EQ(made(answers).at("fxagent.service.d.conf").find("agent.json /etc"), text.npos);
+  EXPECT_EQ(text.find("mqtt_password"), text.npos);
+  InitAnswers with_user = answers;
+  with_user.user = "edge7";
+  expect_says(init_files(with_user, "/home/anna/plant")->at(2).text,
+              "#   install -D -m 600 -o fxagent /home/anna/plant/mqtt_password "
+              "/etc/fxagent/mqtt_password\n");
+  EXPECT_EQ(made(with_user).at("fxagent.service.d.conf").find("mqtt_password"), text.npos);
+  with_user.password_file = "/etc/secret";
+  EXPECT_EQ(init_files(with_user, "/home/anna/plant")->at(2).text.find("secret"), text.npos);
 }
 
 TEST(InitFiles, TheSetPointHasTheTypeOfItsTag) {
