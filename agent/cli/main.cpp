@@ -217,8 +217,8 @@ void add_verify_stream(CommandLine& line) {
 }
 
 void add_audit(CommandLine& line) {
-  const auto [command, what] =
-      line.add_for_config("audit", "List every received command with its result", run_audit);
+  const auto [command, what] = line.add_for_config(
+      "audit", "List every command for a device of the config, with its result", run_audit);
   command->add_option("--since", what.since,
                       "ms UTC, 2026-11-21, 2026-11-21T08:30 (UTC), or 90s 30m 2h 7d");
   command->add_flag("--json", what.as_json, "Print JSON, one object a command");

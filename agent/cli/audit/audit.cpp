@@ -71,7 +71,7 @@ int run_audit(const Config& config, const AuditQuestion& question) {
   if (config.store.path.empty())
     return refuse(
         "there is no audit, because it is part of the store. Set store.path in the "
-        "config; the agent then records every command");
+        "config; the agent then records every command for its devices");
   std::optional<std::int64_t> since;
   if (!question.since.empty()) {
     since = audit::since_from(question.since, utc_now_ms());
