@@ -115,8 +115,10 @@ DirectoryLock::DirectoryLock(const std::string& directory) : path_(directory + "
   const auto give_up = std::chrono::steady_clock::now() + kPatience;
   while (::flock(handle_, LOCK_EX | LOCK_NB) != 0) {
     if (errno != EWOULDBLOCK || std::chrono::steady_clock::now() >= give_up) {
-      fault_ =
-          errno == EWOULDBLOCK ? directory + " belongs to another agent" : fault_of_system(path_);
+      fault_ = errno == EWOULDBLOCK
+                   ? directory +
+                         " belongs to another agent that runs (each agent needs its own directory)"
+                   : fault_of_system(path_);
       return;
     }
     std::this_thread::sleep_for(kAskAgain);
