@@ -93,7 +93,12 @@ Result<TablePlace> parse_place(std::string_view text, std::uint32_t base) {
     const auto table = table_named(rest.substr(0, colon));
     if (colon == std::string_view::npos || !table)
       return refuse(quoted + " is not a Modbus address; the forms are " + std::string(kForms));
-    const auto number = number_in(rest.substr(colon + 1));
+    const std::string_view digits = rest.substr(colon + 1);
+    const auto number = number_in(digits);
+    if (!number && (digits.empty() || !std::all_of(digits.begin(), digits.end(), is_digit)))
+      return refuse(quoted + ": right after the colon must come a number, as in " +
+                    std::string(letters_of(*table)) + ":100 or " + std::string(letters_of(*table)) +
+                    ":0x64");
     if (!number || *number < base || *number - base >= kNumbers)
       return refuse(quoted + ": " + std::string(letters_of(*table)) + " goes from " +
                     std::to_string(base) + " to " + std::to_string(kNumbers - 1 + base));
