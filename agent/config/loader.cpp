@@ -1,12 +1,15 @@
 #include "agent/config/loader.h"
 
+#include <algorithm>
 #include <filesystem>
+#include <vector>
 
 #include "agent/config/config_error.h"
 #include "agent/config/json/tree.h"
 #include "agent/config/keys.h"
 #include "agent/config/read/reader.h"
 #include "agent/config/read/sections.h"
+#include "agent/config/suggestions.h"
 #include "agent/text/sha256.h"
 
 namespace fxagent {
@@ -97,6 +100,30 @@ std::optional<PairConfig> read_pair(ConfigReader& reader, const ConfigNode& node
   return pair;
 }
 
+/// Warns of the devices whose answer may come after a takeover.
+void warn_of_slow_devices(ConfigReader& reader, const ConfigNode& node, const Config& config) {
+  constexpr std::size_t kNamed = 8;
+  std::vector<std::string_view> slow;
+  std::chrono::milliseconds longest{0};
+  bool has_own_timer = false;
+  for (const DeviceConfig& device : config.devices) {
+    if (2 * device.timeout <= config.pair->quiet) continue;
+    slow.emplace_back(device.name);
+    longest = std::max(longest, std::chrono::milliseconds(device.timeout));
+    has_own_timer = has_own_timer || (device.codec && device.codec->gives_up_after().count() > 0);
+  }
+  if (slow.empty()) return;
+  const std::size_t others = slow.size() - std::min(slow.size(), kNamed);
+  slow.resize(slow.size() - others);
+  reader.warn(node,
+              "an answer of " + joined(slow, ", ") +
+                  (others > 0 ? " and " + std::to_string(others) + " more" : "") +
+                  " may come after the other gateway has begun: make timeout_ms " +
+                  std::to_string((config.pair->quiet / 2).count()) + " or less" +
+                  (has_own_timer ? " (and monitoring_timer_ms shorter than timeout_ms)" : "") +
+                  ", or quiet_ms " + std::to_string((2 * longest).count()) + " or more");
+}
+
 Config read_top(ConfigReader& reader, const ConfigNode& top, FilePrivacy privacy) {
   Config config;
   if (!reader.check_object(top, config_section(""))) return config;
@@ -133,15 +160,7 @@ Config read_top(ConfigReader& reader, const ConfigNode& top, FilePrivacy privacy
       (std::ranges::any_of(config.devices, is_pair) || std::ranges::any_of(config.links, is_pair)))
     reader.error(
         *pair, "a device or a link has the name \"pair\", and the pair uses its topics: rename it");
-  for (const DeviceConfig& device : config.devices)
-    if (config.pair && 2 * device.timeout > config.pair->quiet) {
-      reader.warn(*pair, "the answer of " + std::string(device.name) +
-                             " may come after the other gateway has begun: make its timeout_ms " +
-                             std::to_string((config.pair->quiet / 2).count()) +
-                             " or less, or quiet_ms " +
-                             std::to_string((2 * device.timeout).count()) + " or more");
-      break;
-    }
+  if (config.pair) warn_of_slow_devices(reader, *pair, config);
   set_silences(config);
   if (config.recorder) finish_recorder(reader, *recorder, config);
   if (const auto memory = reader.room().size().memory(); memory > kMuchMemory)

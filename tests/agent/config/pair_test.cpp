@@ -40,6 +40,17 @@ TEST(ConfigPair, SlowDevicesAreNamedWithTheNumbersThatFit) {
   EXPECT_NE(warnings.find("timeout_ms 750 or less, or quiet_ms 2000 or more"), warnings.npos)
       << warnings;
   EXPECT_TRUE(good(with_pair("a", R"(, "quiet_ms": 2000)")).warnings.empty());
+  auto plant = nlohmann::json::parse(with_pair("a", R"(, "quiet_ms": 1500)"));
+  nlohmann::json second = plant["devices"][0];
+  second["name"] = "second";
+  second["timeout_ms"] = 1200;
+  plant["devices"].push_back(second);
+  EXPECT_TRUE(warns(good(plant.dump()), {"an answer of press1, mixer, second may come",
+                                         "timeout_ms 750 or less, or quiet_ms 2400 or more"}));
+  plant["links"].push_back({{"name", "eth"}, {"tcp", {{"host", "192.0.2.20"}, {"port", 5007}}}});
+  plant["devices"] = nlohmann::json::parse(R"([{"name": "press1", "link": "eth",
+      "protocol": "mc-3e", "model": "FX5U", "tags": [{"name": "a", "address": "D0"}]}])");
+  EXPECT_TRUE(warns(good(plant.dump()), {"750 or less (and monitoring_timer_ms shorter"}));
 }
 
 }  // namespace

@@ -273,6 +273,7 @@ void DeviceReader::read_rest() {
 
 void DeviceReader::outlast_device() {
   const auto own = device_.codec->gives_up_after();
+  const bool has_timer = option_named(*device_.protocol, "monitoring_timer_ms") != nullptr;
   const ConfigNode* given = node_.find("timeout_ms");
   if (given == nullptr)
     device_.timeout += own;
@@ -280,7 +281,8 @@ void DeviceReader::outlast_device() {
     reader_.warn(*given,
                  "timeout_ms is not longer than the " + std::to_string(own.count()) +
                      " ms after which the device itself gives up and reports why. The agent would "
-                     "miss that report: make timeout_ms longer or the device's time shorter");
+                     "miss that report: make timeout_ms longer or " +
+                     (has_timer ? "monitoring_timer_ms" : "the device's time") + " shorter");
 }
 
 // ---- groups -----------------------------------------------------------------------------------
