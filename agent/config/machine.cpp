@@ -5,6 +5,9 @@
 
 #include <cerrno>
 #include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <string>
 #include <string_view>
 #include <system_error>
 #include <utility>
@@ -74,6 +77,30 @@ std::string why_no_port(const std::string& path, const std::string& file) {
          "; end it, or use another port";
 }
 
+/// Returns why a token of the file can be guessed; empty if none can. A line is "NAME TOKEN" or
+/// "TOKEN", so a name alone is a token.
+std::string why_weak(const std::string& path) {
+  constexpr std::size_t kShortest = 16;
+  std::error_code ignored;
+  if (!std::filesystem::is_regular_file(path, ignored)) return {};  // a FIFO would block
+  std::ifstream file(path);
+  int number = 0;
+  for (std::string line; std::getline(file, line);) {
+    ++number;
+    std::istringstream words(line);
+    std::string name;
+    std::string token;
+    words >> name >> token;
+    if (name.starts_with('#')) continue;
+    if (token.empty()) token = name;
+    if (!token.empty() && token.size() < kShortest)
+      return shown(path) + ": the token in line " + std::to_string(number) +
+             " can be guessed, because it has fewer than " + std::to_string(kShortest) +
+             " characters; a line is NAME TOKEN or TOKEN";
+  }
+  return {};
+}
+
 }  // namespace
 
 ConfigErrors check_files(const Config& config) {
@@ -116,6 +143,8 @@ ConfigErrors exposed_secrets(const Config& config) {
     look(place + "/password_file", mqtt->password_file);
   }
   if (config.http) look("/http/token_file", config.http->token_file);
+  if (std::string weak = config.http ? why_weak(config.http->token_file) : ""; !weak.empty())
+    exposed.push_back({"/http/token_file", 0, std::move(weak)});
   return exposed;
 }
 

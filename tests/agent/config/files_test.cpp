@@ -187,6 +187,22 @@ TEST_F(ConfigFiles, SecretsThatOthersCanReadAreNamed) {
   EXPECT_TRUE(exposed_secrets(config).empty()) << "check_files() tells of those";
 }
 
+TEST_F(ConfigFiles, TokensThatCanBeGuessedAreNamedByTheirLine) {
+  const auto with = [&](const std::string& tokens) {
+    auto plant = small_plant();
+    plant.erase("metrics");
+    plant["http"] = {{"listen", "127.0.0.1:8080"}, {"token_file", write("token", tokens)}};
+    fs::permissions(directory_ / "token", fs::perms(0600));
+    return exposed_secrets(good(plant.dump()));
+  };
+  const std::string long_one = "0123456789abcdef";
+  for (const std::string& tokens : {long_one, "anna " + long_one, "# short\n\nanna " + long_one})
+    EXPECT_TRUE(with(tokens + "\n").empty()) << tokens;
+  expect_error(with("anna " + long_one + "\nbert\n"), "/http/token_file",
+               {"line 2", "fewer than 16 characters", "NAME TOKEN or TOKEN"});
+  expect_error(with("anna secret\n"), "/http/token_file", {"line 1"});
+}
+
 TEST_F(ConfigFiles, PasswordFileGoesBeforeTheVariable) {
   auto plant = small_plant();
   plant["store"]["path"] = directory_.string();
