@@ -211,7 +211,8 @@ void read_profiles(ConfigReader& reader, const ConfigNode& list, Config& config)
     reader.error(list, "needs {\"kind\": \"json\"}, the agent's own session on the broker of mqtt");
   for (const BrokerConfig& broker : config.brokers)
     if (!contains(config.profiles, broker.name, &ProfileConfig::broker))
-      reader.warn(list, "no profile publishes to the broker " + broker.name);
+      reader.warn(list, "no profile publishes to the broker " + broker.name +
+                            ": one must have \"broker\": \"" + broker.name + "\"");
 }
 
 }  // namespace fxagent

@@ -24,6 +24,13 @@ TEST(ProfilesConfig, JsonAloneIsTheDefault) {
   EXPECT_TRUE(good(changed("/profiles", R"([{"kind": "json"}])")).profiles.empty());
 }
 
+TEST(ProfilesConfig, BrokerThatNoProfileNamesIsWarnedOfWithTheKey) {
+  json plant = json::parse(with_profiles(""));
+  plant["profiles"] = json::parse(R"([{"kind": "json"}, {"kind": "thingsboard"}])");
+  EXPECT_TRUE(
+      warns(good(plant.dump()), {"to the broker cloud: one must have \"broker\": \"cloud\""}));
+}
+
 TEST(ProfilesConfig, BrokersHaveTheKeysOfMqtt) {
   const Config config = good(with_profiles(""));
   ASSERT_EQ(config.brokers.size(), 1U);
