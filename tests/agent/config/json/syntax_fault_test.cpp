@@ -65,6 +65,11 @@ TEST(SyntaxFault, WhatPeopleGetWrongIsNamedWhereTheyWroteIt) {
   });
 }
 
+TEST(SyntaxFault, FileWithoutContentIsCalledEmpty) {
+  for (const char* text : {"", "\xEF\xBB\xBF", " \n\t\n", "// later\n"})
+    expect_told({SyntaxCase{text, ": the file is empty or has only comments"}}, Comments::allowed);
+}
+
 TEST(SyntaxFault, WhatItDoesNotKnowKeepsTheParsersWords) {
   expect_told({
       SyntaxCase{"{\"a\": 01}", "column 9: "},  // read as 0, then another number
