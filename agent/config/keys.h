@@ -151,9 +151,9 @@ inline constexpr auto kWritten = std::to_array<ConfigKey>({
      "of `remote_allow`."},
     {"agent", "remote_allow", array, {}, Rule{"`links` and `devices`"},
      "Parts that a remote config may set: `links`, `devices` (with `templates`), `mqtt.servers`, "
-     "`commands.allow_run_stop`. `commands.allow: D300-D399` adds addresses that commands may "
-     "use, for the devices of this file. `commands.allow: mc-3e FX5U D300-D399` adds them for "
-     "every device of that protocol and model."},
+     "`commands.allow_run_stop`. `commands.allow: D300-D399` lets a remote config give commands "
+     "these addresses, for the devices of this file. `commands.allow: mc-3e FX5U D300-D399` lets "
+     "it do so for every device of that protocol and model."},
     {"agent", "remote_without_disk", boolean, {}, false,
      "True if the agent applies a remote config even if the disk refuses to keep it. There is "
      "then no way back."},
