@@ -258,7 +258,8 @@ std::optional<std::string> ConfigReader::name(const ConfigNode& parent, const Co
   auto value = text(parent, key);
   if (!value || is_name(*value)) return value;
   const ConfigNode& node = *parent.find(key.name);
-  error(node, "a name is 1 to 64 of a-z, 0-9, _ and -, found \"" + shown(node.text) + "\"");
+  error(node, "a name is 1 to 64 of a-z, 0-9, _ and -, found \"" + shown(node.text) + "\"" +
+                  (has_place_of_n(*value) ? "; only the key \"n\" of a device replaces {n}" : ""));
   return std::nullopt;
 }
 

@@ -325,6 +325,7 @@ TEST(Config, NamesAreWhatTopicsCanCarry) {
        std::vector<std::string>{longest + "a", std::string("Edge7"), std::string("a b"),
                                 std::string("a/b"), std::string("é"), std::string("a+")})
     expect_refused("/agent/id", "\"" + name + "\"", {"1 to 64", name});
+  expect_refused("/devices/0/name", R"("a{n}")", {"only the key \"n\" of a device replaces {n}"});
 }
 
 TEST(Config, RootIsPlainTopicLevels) {
@@ -490,6 +491,7 @@ TEST(Config, LineSettingsOutOfRangeAreRefused) {
   expect_refused("/links/0/serial/stop_bits", "0", {"1 to 2"});
   expect_refused("/links/1/tcp/port", "0", {"1 to 65535"});
   expect_refused("/links/1/tcp/host", R"("http://a/")", {"host name"});
+  expect_refused("/links/1/tcp/host", R"("http://10.0.0.1")", {"remove the scheme with its ://"});
 }
 
 TEST(Config, LinkIsEitherSerialOrTcpOrUdp) {

@@ -579,6 +579,8 @@ TEST(ConfigDevice, AllowEntryThatIsNoRangeIsRefused) {
                             "M7000-M8000", "D0-D9-D20"})
     expect_error(with_commands(R"({"allow": [")" + std::string(range) + "\"]}"),
                  "/devices/0/commands/allow/0", {});
+  expect_error(with_commands(R"({"allow": ["M100,M101"]})"), "/devices/0/commands/allow/0",
+               {"each range is an entry of its own"});
 }
 
 TEST(ConfigDevice, ExpiryDefaultFitsItsMaximum) {
