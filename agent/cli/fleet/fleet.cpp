@@ -115,14 +115,16 @@ void Fleet::take(std::string_view topic, std::string_view payload) {
   if (kind != kState && kind != kHealth && kind != kReportedTopic) return;
   const SortedJson said = parsed_json(payload);
   FleetAgent& agent = agents_[name];
-  if (kind == kState)
+  if (kind == kState) {
     take_state(agent, said);
-  else if (kind == kHealth)
+  } else if (kind == kHealth) {
     take_health(agent, said);
-  else if (payload.empty())
+  } else if (payload.empty()) {
     agent.report.reset();
-  else
-    agent.report = report_of(said), ++agent.reports;
+  } else {
+    agent.report = report_of(said);
+    ++agent.reports;
+  }
 }
 
 }  // namespace fxagent

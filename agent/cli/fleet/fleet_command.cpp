@@ -194,15 +194,15 @@ tl::expected<Push, std::string> document_for(const std::string& agent, std::stri
   constexpr std::string_view kName = "{agent}";
   for (auto at = path.find(kName); at != path.npos; at = path.find(kName, at + agent.size()))
     path.replace(at, kName.size(), agent);
-  const auto document = read_config_file(path);
-  if (!document) return tl::unexpected(path + " cannot be read");
+  auto document = read_config_file(path);
+  if (!document) return tl::unexpected(to_string(document.error().front(), path));
   const ReadDesired read = read_desired(*document);
   std::string faults;
   for (const ConfigError& error : read.errors)
     faults += (faults.empty() ? "" : "\n") + to_string(error, path);
   if (!faults.empty()) return tl::unexpected(faults);
   return Push{.agent = agent,
-              .document = *document,
+              .document = *std::move(document),
               .version = read.desired.version,
               .hash = read.desired.hash};
 }

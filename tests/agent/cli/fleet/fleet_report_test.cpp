@@ -113,6 +113,7 @@ TEST(FleetReport, LinesAndSumOfARolloutNameEachOutcome) {
     pushes[i].version = "v8";
     pushes[i].hash = short_hash(kSent);
   }
+  pushes[2].agent = "edge10";
   Rollout rollout(pushes, {});
   RolloutLines lines(rollout);
   Fleet fleet = three_agents();
@@ -123,10 +124,10 @@ TEST(FleetReport, LinesAndSumOfARolloutNameEachOutcome) {
     fleet.take("fx/edge2/config/reported", report("rejected", "v7"));
   }
   EXPECT_EQ(said,
-            "batch 1 of 3\n  edge1  accepted\nbatch 2 of 3\n  edge2  refused\n"
+            "batch 1 of 3\n  edge1   accepted\nbatch 2 of 3\n  edge2   refused\n"
             "    /devices/0/link: there is no link \"line9\"\n");
   EXPECT_EQ(rollout_sum(rollout),
-            "STOPPED: 1 of 3 accepted\naccepted: edge1\nrefused: edge2\nnot sent: edge3\n");
+            "STOPPED: 1 of 3 accepted\naccepted: edge1\nrefused: edge2\nnot sent: edge10\n");
   const auto made = nlohmann::json::parse(rollout_json(rollout, ""));
   EXPECT_EQ(made["agents"][2]["outcome"], "not_sent");
 }
