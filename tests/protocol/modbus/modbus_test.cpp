@@ -197,7 +197,7 @@ TEST(Modbus, RangesOfTheAllowList) {
        std::vector<std::pair<const char*, const char*>>{{"hr:5-co:7", "one table"},
                                                         {"hr:7-hr:5", "ends before"},
                                                         {"hr:5.1", "whole coil or register"},
-                                                        {"hr:5-x", "from 0"},
+                                                        {"hr:5-x", "must come a number"},
                                                         {"hr:100-40119", "write hr:40119"},
                                                         {"D5-D7", "the forms are"}}) {
     const auto span = codec.parse_range(text);
