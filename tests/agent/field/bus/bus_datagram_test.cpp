@@ -164,7 +164,8 @@ TEST_F(DatagramsWithoutNumbers, AfterARefusalNoAnswerIsAwaited) {
   bus = std::make_unique<Bus>(io.get_executor(),
                               make_udp_transport(io.get_executor(), {"127.0.0.1", port}),
                               std::chrono::nanoseconds(0), std::chrono::nanoseconds(0));
-  station.codec = codec_of("mc-3e");
+  station.codec = codec_of("fx-programming-port");
+  station.enquire = EnquirePolicy::never;
   station.timeout = milliseconds(2000);
   open();
   const Exchange first = read("D100");
