@@ -89,8 +89,6 @@ void RetainedState::heard(Item item, std::uint32_t device, std::string_view payl
     repairs_.erase(key);
     return;
   }
-  // A broker that stops may publish the last will of this connection, which no other client did.
-  if (item == Item::agent_state && payload == payload_.last_will().payload) logged_.insert(key);
   // The broker keeps the order on a topic: a text that arrives before ours was there before it.
   const SteadyTime overwritten = ours.came_back ? now : ours.at + kComesBackWithin;
   repairs_.try_emplace(key, std::max(overwritten, ours.at + kRepairEvery));

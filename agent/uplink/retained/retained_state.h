@@ -117,7 +117,7 @@ class RetainedState final : public Outgoing::Sender {
   std::map<std::uint64_t, Flight> flights_;  ///< by publication id
   std::map<Key, Published> published_;       ///< in this connection
   std::map<Key, SteadyTime> repairs_;        ///< when each is due
-  std::set<Key> logged_;                     ///< no warning about it follows in this connection
+  std::set<Key> logged_;                     ///< overwritten in this connection, and logged
 };
 
 }  // namespace fxagent

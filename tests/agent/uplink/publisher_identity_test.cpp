@@ -292,17 +292,6 @@ TEST_F(PublisherIdentityTest, WhatWasThereBeforeOursNeedsNoRepair) {
   EXPECT_EQ(bench.broker.on(kState).size(), 1U);
 }
 
-TEST_F(PublisherIdentityTest, OwnLastWillIsRepairedWithoutAWarning) {
-  bench.broker.echoes = true;
-  bench.online();
-  testing::internal::CaptureStderr();
-  hear(bench, kState, R"({"state":"offline","since":null,"reason":"lost","boot":"9f3c21aa"})");
-  bench.advance(2s);
-  const std::string log = testing::internal::GetCapturedStderr();
-  EXPECT_EQ(log.find("retained_state_overwritten"), std::string::npos) << log;
-  EXPECT_EQ(bench.broker.on(kState).size(), 2U);
-}
-
 TEST_F(PublisherIdentityTest, RefusedSubscriptionToStatesStopsNothing) {
   bench.broker.refuses_states = true;
   bench.online();
