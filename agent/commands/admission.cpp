@@ -142,7 +142,7 @@ std::string why_not_allowed(const AddressSpace& addresses, const DeviceConfig& d
   std::string text = "commands.allow does not cover ";
   text += span == point.address.span ? std::string(point.address.text) : names_of(addresses, span);
   const auto tag = std::ranges::find_if(device.tags, [&](const TagConfig& each) {
-    return each.point.address == point.address && (op == Op::read || each.writable);
+    return each.point == point && (op == Op::read || each.writable);
   });
   if (tag != device.tags.end())
     text += "; the tag " + std::string(tag->name) + " has this address: name the tag instead";

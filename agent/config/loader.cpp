@@ -110,7 +110,9 @@ void warn_of_slow_devices(ConfigReader& reader, const ConfigNode& node, const Co
     if (2 * device.timeout <= config.pair->quiet) continue;
     slow.emplace_back(device.name);
     longest = std::max(longest, std::chrono::milliseconds(device.timeout));
-    has_own_timer = has_own_timer || (device.codec && device.codec->gives_up_after().count() > 0);
+    has_own_timer =
+        has_own_timer || (device.protocol != nullptr &&
+                          option_named(*device.protocol, "monitoring_timer_ms") != nullptr);
   }
   if (slow.empty()) return;
   const std::size_t others = slow.size() - std::min(slow.size(), kNamed);

@@ -48,7 +48,8 @@ SyntaxFault syntax_fault(std::string_view text, const AcceptedText& accepted, st
   if (has_mark) at = next_token(text, at + 1, comments);
   SyntaxFault other{read, std::move(words)};
   if (at >= text.size() && bracket != '\0') other.unclosed = accepted.open.back();
-  if (at >= text.size() && accepted.end == 0) other.text = "the file is empty or has only comments";
+  if (at >= text.size() && accepted.end == 0)
+    other.text = "there is no value: the text is empty or has only comments";
   if (at >= text.size() || at > read) return other;
 
   const char c = text[at];

@@ -56,7 +56,7 @@ void HistoryDelivery::pump(bool rests, SteadyTime now) {
     }
     published_ += history->batch.row_ids.size();
     const std::uint64_t id = outgoing_.send(*this, std::exchange(history->publications, {}));
-    flights_.emplace(id, Flight{std::move(*history), now});
+    flights_.emplace(id, Flight{std::move(*history), max_bytes_, now});
   }
 }
 
@@ -81,7 +81,7 @@ void HistoryDelivery::delivered(std::uint64_t id, SteadyTime now) {
 }
 
 void HistoryDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
-  const OutgoingHistory history = ended(event.id, now).history;
+  const auto [history, max_bytes, since] = ended(event.id, now);
   const HistoryBatch& batch = history.batch;
   payload_.undelivered(batch.stream.device);
   const bool can_be_cut = event.reason_code == kPacketTooLarge && batch.row_ids.size() > 1;
@@ -94,7 +94,7 @@ void HistoryDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
   }
   spool_.returned(history);
   if (can_be_cut)
-    max_bytes_ /= 2;
+    max_bytes_ = std::min(max_bytes_, max_bytes / 2);  // once for messages of one size
   else
     refused_.refused(batch.stream.device, event, now);
 }

@@ -38,6 +38,7 @@ class HistoryDelivery final : public Outgoing::Sender {
  private:
   struct Flight {
     OutgoingHistory history;
+    std::size_t max_bytes = 0;  ///< its limit when it was made
     SteadyTime since{};
   };
 

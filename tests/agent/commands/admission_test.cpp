@@ -628,10 +628,11 @@ TEST_F(CommandAdmissionTest, AddressThatIsNotAllowedIsNamedWholeAndWithItsTag) {
   EXPECT_EQ(answered(raw("one", "D101", number(5))).detail, "commands.allow does not cover D101");
   EXPECT_EQ(answered(raw("three", "D500", numbers({1, 2, 3}))).detail,
             "commands.allow does not cover D500 to D502");
-  constexpr const char* kOfTag =
-      "commands.allow does not cover D200; the tag setpoint has this address: name the tag instead";
-  EXPECT_EQ(answered(raw("tag", "D200", number(5))).detail, kOfTag);
-  EXPECT_EQ(answered(read("read", "", "D200")).detail, kOfTag);
+  EXPECT_EQ(
+      answered(read("read", "", "D120")).detail,
+      "commands.allow does not cover D120; the tag temp has this address: name the tag instead");
+  EXPECT_EQ(answered(raw("scaled", "D200", number(5))).detail, "commands.allow does not cover D200")
+      << "the tag would write another value";
   EXPECT_EQ(answered(raw("read only", "D120", number(5))).detail,
             "commands.allow does not cover D120");
 }

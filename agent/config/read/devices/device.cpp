@@ -509,11 +509,9 @@ void DeviceReader::read_allow(const ConfigNode& list) {
     if (const auto span = codec_->addresses().parse_range(*text))
       spans.push_back(*span);
     else
-      reader_.error(item,
-                    span.error().text +
-                        (text->find(',') != text->npos
-                             ? "; each range is an entry of its own: [\"M100\", \"M120-M127\"]"
-                             : ""));
+      reader_.error(
+          item, span.error().text +
+                    (text->find(',') != text->npos ? "; each range is an entry of its own" : ""));
   }
   device_.commands.allow = merged(std::move(spans));
 }

@@ -67,7 +67,8 @@ TEST(SyntaxFault, WhatPeopleGetWrongIsNamedWhereTheyWroteIt) {
 
 TEST(SyntaxFault, FileWithoutContentIsCalledEmpty) {
   for (const char* text : {"", "\xEF\xBB\xBF", " \n\t\n", "// later\n"})
-    expect_told({SyntaxCase{text, ": the file is empty or has only comments"}}, Comments::allowed);
+    expect_told({SyntaxCase{text, ": there is no value: the text is empty or has only comments"}},
+                Comments::allowed);
 }
 
 TEST(SyntaxFault, WhatItDoesNotKnowKeepsTheParsersWords) {
