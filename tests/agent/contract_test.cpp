@@ -253,7 +253,8 @@ TEST(ContractExamples, HistoryHasTheKeysOfTheProgram) {
   Telemetry message = test::sample(48101, 0, 1);
   message.readings = {test::good(test::setpoint, Value(std::int64_t{50}))};
   const std::string row = telemetry_text(message);
-  JsonPayload payload(test::plant(), kBoot, "0.1.0");
+  const Config config = test::plant();
+  JsonPayload payload(config, kBoot, "0.1.0");
   const auto history = payload.begin_history(65536);
   ASSERT_TRUE(history->add_json(row) && history->add_json(row));
   expect_same_keys("history", history->take({"press1", "fast"}).at(0).payload);
