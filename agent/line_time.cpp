@@ -22,20 +22,21 @@ LineCost cost_of(const DeviceConfig& device, nanoseconds char_time, nanoseconds 
   return {char_time, turnaround + device.gap};
 }
 
-Plan reads_of(const Codec& codec, const DeviceConfig& device, const Point& point) {
+Plan reads_of(const Codec& codec, const DeviceConfig& device, const Point& point, Holes refused) {
+  refused.missing.clear();
   // Assume no multi-block reads: the device may lack them, and only polls find that out.
-  Holes unknown;
+  refused.gather_limits.clear();
   for (const GatherCommand& command : codec.addresses().gathers())
-    unknown.gather_limits.push_back({command.gather, 0});
+    refused.gather_limits.push_back({command.gather, 0});
   const std::span only(&point, 1);
-  Plan plan = make_plan(codec, only, LineCost{}, device.max_block_bytes, unknown);
-  if (!plan.reads.empty() || unknown.gather_limits.empty()) return plan;
+  Plan plan = make_plan(codec, only, LineCost{}, device.max_block_bytes, refused);
+  if (!plan.reads.empty()) return plan;
   return make_plan(codec, only, LineCost{}, device.max_block_bytes);
 }
 
 nanoseconds read_time(const Codec& codec, const DeviceConfig& device, const Point& point,
-                      const LineTiming& timing) {
-  return poll_time(codec, reads_of(codec, device, point), timing);
+                      const Holes& refused, const LineTiming& timing) {
+  return poll_time(codec, reads_of(codec, device, point, refused), timing);
 }
 
 nanoseconds poll_time(const Codec& codec, const Plan& plan, const LineTiming& timing) {

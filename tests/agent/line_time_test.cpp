@@ -41,10 +41,10 @@ TEST(LineTime, CountsCharactersTurnaroundAndGap) {
   DeviceConfig device = device_of("fx-programming-port");
   const Point d100 = point_of(device, "D100");
   // 11 characters out (STX 0 10C8 02 ETX sum), 8 back (STX 4 digits ETX sum).
-  EXPECT_EQ(read_time(*device.codec, device, d100, timing_of(device, kCharTime)),
+  EXPECT_EQ(read_time(*device.codec, device, d100, {}, timing_of(device, kCharTime)),
             milliseconds(11 + 8 + 30 + 5));
   device.enquire = EnquirePolicy::always;
-  EXPECT_EQ(read_time(*device.codec, device, d100, timing_of(device, kCharTime)),
+  EXPECT_EQ(read_time(*device.codec, device, d100, {}, timing_of(device, kCharTime)),
             milliseconds(11 + 8 + 30 + 5 + 1 + 1 + 30 + 5));
 }
 
@@ -76,7 +76,7 @@ TEST(LineTime, OfAWriteCountsTheReadThatMustComeFirst) {
 TEST(LineTime, LongestPollIsARead) {
   const DeviceConfig device = device_of("fx-programming-port");
   const LineTiming timing = timing_of(device, kCharTime);
-  const Plan word = reads_of(*device.codec, device, point_of(device, "D100"));
+  const Plan word = reads_of(*device.codec, device, point_of(device, "D100"), {});
   const Plan* plans[] = {&word};
   EXPECT_EQ(longest_poll(*device.codec, plans, timing), milliseconds(11 + 8 + 30 + 5));
 }
@@ -88,14 +88,14 @@ TEST(LineTime, ACommandReadsEachPlaceByItselfWhereAnyWayAllowsIt) {
   DeviceConfig device = device_of("modbus-ascii");
   device.codec = codec;
   const LineTiming timing = timing_of(device, kCharTime);
-  const Plan alone = reads_of(*codec, device, point_of(device, "V100"));
+  const Plan alone = reads_of(*codec, device, point_of(device, "V100"), {});
   ASSERT_EQ(alone.exchange_count(), 1U);
   EXPECT_TRUE(std::holds_alternative<Read>(alone.request(alone.exchanges[0])));
-  const Plan gathered = reads_of(*codec, device, point_of(device, "W100"));
+  const Plan gathered = reads_of(*codec, device, point_of(device, "W100"), {});
   ASSERT_EQ(gathered.exchange_count(), 1U);
   EXPECT_TRUE(std::holds_alternative<Gather>(gathered.request(gathered.exchanges[0])));
   EXPECT_EQ(poll_time(*codec, gathered, timing), milliseconds(14 + 6 + 4 + 30 + 5));
-  EXPECT_EQ(read_time(*codec, device, point_of(device, "W100"), timing),
+  EXPECT_EQ(read_time(*codec, device, point_of(device, "W100"), {}, timing),
             milliseconds(14 + 6 + 4 + 30 + 5));
 }
 

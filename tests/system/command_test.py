@@ -6,7 +6,7 @@ import signal
 import time
 import unittest
 
-from plant import BASE, SCHEDULING_MS, PlantTest, device, request_properties, tag, wait_for
+from plant import BASE, SCHEDULING_MS, PlantTest, device, request_properties, tag, tcp_link, wait_for
 
 TAGS = [
     tag("temp", "D100"),
@@ -76,6 +76,20 @@ class Commands(PlantTest):
         result = self.succeed(op="read", tag="temp")
         self.assertEqual(result["value"], 321)
         self.assertEqual(self.command(op="read", address="D300")["value"], 5)
+
+    def test_a_tag_is_read_in_the_parts_in_which_its_device_answers_polls(self):
+        self.start_around([{"name": "press1", "protocol": "modbus-tcp", "tcp": 0, "max_read": 10,
+                            "memory": {"hr:0": list(range(100, 130))}}])
+        self.start_agent([device(protocol="modbus-tcp", model=None, commands=None,
+                                 tags=[tag("recipe", "hr:0", count=30, access="read_write")])],
+                         [tcp_link(self.sim.ports["press1"])])
+        self.data(lambda m: m["values"].get("recipe") == list(range(100, 130)))
+        result = self.command(op="read", tag="recipe")
+        self.assert_result(result, "SUCCEEDED", None, "ACK")
+        self.assertEqual(result["value"], list(range(100, 130)))
+        result = self.command(op="write", tag="recipe", value=[7] * 30)
+        self.assert_result(result, "SUCCEEDED", None, "ACK")
+        self.assertEqual(result["verify"], {"match": True, "read": [7] * 30})
 
     def test_what_is_wrong_is_rejected_by_name_and_nothing_is_sent(self):
         self.start_press()

@@ -65,9 +65,9 @@ class Doctor(PlantTest):
         self.assert_finds(self.write(device(model="FX3U")), "model FX2N", '/devices/0/model = "FX2N"')
 
     def test_largest_block(self):
-        self.start_sim([self.rtu(max_read=50)])
+        self.start_sim([self.rtu(max_read=40)])
         tags = [{"name": "all", "address": "hr:0", "type": "uint16", "count": 100}]
-        self.assert_finds(self.write(self.meter(tags=tags)), "blocks above 100 bytes are refused", "/devices/0/max_block_bytes = 100")
+        self.assert_finds(self.write(self.meter(tags=tags)), "blocks above 80 bytes are refused", "/devices/0/max_block_bytes = 80")
 
     def test_a_tag_that_the_device_lacks(self):
         self.start_sim([self.rtu(holes=["hr:7"])])

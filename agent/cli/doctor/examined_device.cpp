@@ -10,9 +10,13 @@ namespace {
 
 using std::chrono::milliseconds;
 
-/// Returns half of it in whole words; 0 below one.
-std::uint32_t half_of(std::uint32_t bits) {
-  return bits <= kWordBits ? 0 : (bits / 2 + kWordBits - 1) / kWordBits * kWordBits;
+/// True if the device answers the whole read in parts of `bits`.
+bool answers_in_parts(const ExaminedDevice& device, const Read& whole, std::uint32_t bits) {
+  for (std::uint32_t at = whole.span.first_bit; at < whole.span.end_bit(); at += bits) {
+    const Span part{whole.span.space, at, std::min(bits, whole.span.end_bit() - at)};
+    if (device.ask(Read{part, whole.way}).kind != ProbeAnswer::Kind::data) return false;
+  }
+  return true;
 }
 
 }  // namespace
@@ -65,16 +69,13 @@ std::optional<std::uint64_t> ExaminedDevice::word_at(std::string_view name) cons
 }
 
 std::uint32_t ExaminedDevice::answered_in_parts(const Read& whole) const {
-  for (std::uint32_t bits = half_of(whole.span.bits); bits > 0; bits = half_of(bits)) {
-    bool is_answered = true;
-    for (std::uint32_t at = whole.span.first_bit; is_answered && at < whole.span.end_bit();
-         at += bits) {
-      const Span part{whole.span.space, at, std::min(bits, whole.span.end_bit() - at)};
-      is_answered = ask(Read{part, whole.way}).kind == ProbeAnswer::Kind::data;
-    }
-    if (is_answered) return bits;
+  std::uint32_t answered = 0;
+  std::uint32_t too_long = (whole.span.bits + kWordBits - 1) / kWordBits;
+  while (too_long - answered > 1) {
+    const std::uint32_t words = (answered + too_long) / 2;
+    (answers_in_parts(*this, whole, words * kWordBits) ? answered : too_long) = words;
   }
-  return 0;
+  return answered * kWordBits;
 }
 
 }  // namespace fxagent

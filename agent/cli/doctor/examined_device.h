@@ -39,8 +39,8 @@ struct ExaminedDevice {
   /// Returns the bit or word at this address; nullopt if there is no name, if the model lacks it,
   /// or if it cannot be read.
   std::optional<std::uint64_t> word_at(std::string_view name) const;
-  /// Returns the largest half, quarter and so on in which the whole read is answered, in bits; 0:
-  /// there is none, because a part does not exist.
+  /// Returns the largest parts in which a refused read is answered, in bits: whole words. 0: there
+  /// are none, because some of it does not exist.
   std::uint32_t answered_in_parts(const Read& whole) const;
 };
 

@@ -107,7 +107,8 @@ std::optional<nanoseconds> command_time(const DeviceConfig& device, const Device
     const auto writes = plan_write(*plan.codec, point, Bytes((span->bits + 7) / 8));
     if (!writes) return;
     nanoseconds time = write_time(*plan.codec, *writes, plan.timing);
-    if (point.type != DataType::boolean) time += read_time(*plan.codec, device, point, plan.timing);
+    if (point.type != DataType::boolean)
+      time += read_time(*plan.codec, device, point, {}, plan.timing);
     longest = longest && *rank == best ? std::max(*longest, time) : time;
     best = *rank;
   };

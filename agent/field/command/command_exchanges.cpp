@@ -12,7 +12,6 @@
 #include "agent/field/command/command_line_time.h"
 #include "agent/field/transport/stream_io.h"
 #include "agent/line_time.h"
-#include "protocol/plan/plan.h"
 
 namespace fxagent {
 namespace {
@@ -62,12 +61,13 @@ struct StopWaiting {
 }  // namespace
 
 CommandExchanges::CommandExchanges(asio::any_io_executor executor, Bus& bus, Station& station,
-                                   const DeviceConfig& device, const AdmittedCommand& admitted,
-                                   BusSharing& sharing)
+                                   const DeviceConfig& device, const Holes& refused,
+                                   const AdmittedCommand& admitted, BusSharing& sharing)
     : timer_(executor),
       bus_(bus),
       station_(station),
       device_(device),
+      refused_(refused),
       admitted_(admitted),
       sharing_(sharing) {}
 
@@ -178,7 +178,7 @@ asio::awaitable<Exchange> CommandExchanges::ask(Request request, SteadyTime not_
 asio::awaitable<CommandExchanges::ReadBack> CommandExchanges::read_point(
     const AdmittedTarget& target, SteadyTime not_after) {
   ReadBack out;
-  const Plan plan = reads_of(*station_.codec, device_, target.point);
+  const Plan plan = reads_of(*station_.codec, device_, target.point, refused_);
   std::vector<Bytes> images(plan.reads.size());
   for (std::uint32_t e = 0; e < plan.exchange_count(); ++e) {
     const ReadIndices reads = plan.exchanges[e];

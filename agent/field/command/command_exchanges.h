@@ -15,6 +15,7 @@
 #include "agent/handover/command_message.h"
 #include "agent/steady_time.h"
 #include "protocol/codec.h"
+#include "protocol/plan/plan.h"
 
 namespace fxagent {
 
@@ -47,8 +48,8 @@ class CommandExchanges final {
 
   /// Arguments as for CommandExecution.
   CommandExchanges(asio::any_io_executor executor, Bus& bus, Station& station,
-                   const DeviceConfig& device, const AdmittedCommand& admitted,
-                   BusSharing& sharing);
+                   const DeviceConfig& device, const Holes& refused,
+                   const AdmittedCommand& admitted, BusSharing& sharing);
 
   /// The effect that an exchange is meant to have on the device.
   enum class Effect : std::uint8_t { none, change };
@@ -103,6 +104,7 @@ class CommandExchanges final {
   Bus& bus_;
   Station& station_;
   const DeviceConfig& device_;
+  const Holes& refused_;
   const AdmittedCommand& admitted_;
   BusSharing& sharing_;
   std::optional<SteadyTime> first_byte_;

@@ -140,12 +140,12 @@ void summarise(CommandResult& result) {
 }  // namespace
 
 CommandExecution::CommandExecution(asio::any_io_executor executor, Bus& bus, Station& station,
-                                   const DeviceConfig& device, const AdmittedCommand& admitted,
-                                   BusSharing& sharing)
+                                   const DeviceConfig& device, const Holes& refused,
+                                   const AdmittedCommand& admitted, BusSharing& sharing)
     : station_(station),
       admitted_(admitted),
       sharing_(sharing),
-      wire_(executor, bus, station, device, admitted, sharing),
+      wire_(executor, bus, station, device, refused, admitted, sharing),
       result_(result_of(admitted.command)) {}
 
 asio::awaitable<CommandResult> CommandExecution::run() {

@@ -18,10 +18,10 @@ namespace fxagent {
 
 class CommandExecution final {
  public:
-  /// All arguments must outlive run().
+  /// All arguments must outlive run(). `refused` is what the device has refused in polls.
   CommandExecution(asio::any_io_executor executor, Bus& bus, Station& station,
-                   const DeviceConfig& device, const AdmittedCommand& admitted,
-                   BusSharing& sharing);
+                   const DeviceConfig& device, const Holes& refused,
+                   const AdmittedCommand& admitted, BusSharing& sharing);
 
   /// Returns the result, complete except for its bound. Opens the channel if it is closed.
   asio::awaitable<CommandResult> run();

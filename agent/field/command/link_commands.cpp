@@ -58,8 +58,8 @@ void LinkCommands::add(AdmittedCommand admitted, LinkDevice& device) {
   command.admitted = std::move(admitted);
   command.admitted.queued = Clock::now();
   command.device = &device;
-  command.line_time = set_line_times(*command.admitted.codec, device.config, link_.config.char_time,
-                                     command.admitted);
+  command.line_time = set_line_times(*command.admitted.codec, device.config, device.refused(),
+                                     link_.config.char_time, command.admitted);
   command.admitted.bound = bound_of(command);
   waiting_.push_back(std::move(command));
   link_.scheduler.share().command_waits();
@@ -222,7 +222,8 @@ asio::awaitable<void> LinkCommands::run_next() {
   FrameTrace trace;
   station.trace = &trace;
   Sharing sharing(*this, running);
-  CommandExecution execution(executor_, link_.bus, station, device.config, admitted, sharing);
+  CommandExecution execution(executor_, link_.bus, station, device.config, device.refused(),
+                             admitted, sharing);
   CommandResult result = co_await execution.run();
   failpoint("command_answered");
   // RUN and STOP may be a force, too. No older value of M8037 is reported after it was sent.

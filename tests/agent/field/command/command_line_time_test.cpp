@@ -46,7 +46,7 @@ struct CommandLineTime : ::testing::Test {
     return admitted(std::move(command));
   }
   nanoseconds time_of(AdmittedCommand command, milliseconds character) {
-    return set_line_times(*device.codec, device, character, command);
+    return set_line_times(*device.codec, device, {}, character, command);
   }
 
   DeviceConfig device = port_device();
@@ -54,7 +54,7 @@ struct CommandLineTime : ::testing::Test {
 
 TEST_F(CommandLineTime, IsThatOfAllTargets) {
   AdmittedCommand both = list();
-  set_line_times(*device.codec, device, milliseconds(1), both);
+  set_line_times(*device.codec, device, {}, milliseconds(1), both);
   ASSERT_EQ(both.targets.size(), 2U);
   EXPECT_GT(both.targets[0].line_time, nanoseconds(0));
   EXPECT_GT(both.targets[1].line_time, both.targets[0].line_time);
@@ -78,7 +78,7 @@ TEST_F(CommandLineTime, CountsTheReadBeforeAStringOfOddLength) {
 
 TEST_F(CommandLineTime, IsNotKnownOnALineOfUnknownSpeed) {
   AdmittedCommand read = reading("setpoint");
-  set_line_times(*device.codec, device, milliseconds(0), read);
+  set_line_times(*device.codec, device, {}, milliseconds(0), read);
   EXPECT_FALSE(read.line_time);
 }
 
@@ -86,20 +86,20 @@ TEST_F(CommandLineTime, RunCountsTheQuestionsAboutItsEffectOnceAndInTheBoundForT
   Command run;
   run.op = Op::run;
   AdmittedCommand command = admitted(std::move(run));
-  set_line_times(*device.codec, device, milliseconds(1), command);
+  set_line_times(*device.codec, device, {}, milliseconds(1), command);
   ASSERT_TRUE(command.line_time);
   EXPECT_EQ(time_of(command, milliseconds(1)), *command.line_time + seconds(2));
 }
 
 TEST_F(CommandLineTime, OnlyListsAndLongArraysGiveWay) {
   AdmittedCommand word = reading("setpoint");
-  set_line_times(*device.codec, device, milliseconds(1), word);
+  set_line_times(*device.codec, device, {}, milliseconds(1), word);
   EXPECT_FALSE(gives_way(word));
   EXPECT_TRUE(gives_way(list()));
   AdmittedCommand array = reading("recipe");
-  set_line_times(*device.codec, device, milliseconds(1), array);
+  set_line_times(*device.codec, device, {}, milliseconds(1), array);
   EXPECT_FALSE(gives_way(array)) << "it takes less than 2 s";
-  set_line_times(*device.codec, device, milliseconds(20), array);
+  set_line_times(*device.codec, device, {}, milliseconds(20), array);
   EXPECT_TRUE(gives_way(array));
   EXPECT_TRUE(gives_way(array.targets[0]));
 }
