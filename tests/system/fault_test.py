@@ -180,7 +180,10 @@ class Faults(PlantTest):
                    [self.plc(model="FX1S", memory={"D10": 7})],
                    [self.serial()])
         self.state("press1", "online")
-        self.assertEqual(self.state("press2", "degraded")["reason"], "nak")
+        state = self.state("press2", "degraded")
+        self.assertEqual(state["reason"], "nak")
+        self.assertEqual(state["reason_text"],
+                         "tag b at D900: the device refuses the address; compare it with the device")
         since = self.watcher.mark()
         self.watcher.wait_count(f"{BASE}/press2/data/fast", 10, lambda m: "bad" in m, since)
         for message in self.messages(since=since):

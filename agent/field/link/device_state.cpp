@@ -46,6 +46,7 @@ void DeviceState::set_model(const std::optional<std::string>& model) {
 
 std::optional<DeviceState::Change> DeviceState::update(const Facts& facts, std::int64_t now_ms) {
   if (facts.first_bad == BadReason::bad_value) bad_value_ms_ = now_ms;
+  if (facts.first_bad) bad_tag_ = facts.bad_tag;
   const bool had_bad_value = bad_value_ms_ && std::abs(now_ms - *bad_value_ms_) < kBadValueMs;
   DeviceStatus status = reported_;
   status.model = model_;
@@ -77,10 +78,11 @@ std::optional<DeviceState::Change> DeviceState::update(const Facts& facts, std::
   } else if (facts.first_bad || had_bad_value) {
     status.state = DeviceStatus::State::degraded;
     status.reason = to_string(facts.first_bad.value_or(BadReason::bad_value));
+    status.reason_text = bad_tag_;
   }
   const bool is_other_model = !model_configured_.empty() && model_ != model_configured_;
   status.model_configured = is_other_model ? model_configured_ : "";
-  if (is_other_model && status.reason_text.empty())
+  if (is_other_model && status.is_alive())
     status.reason_text = "the PLC is an " + model_ + ", but the config says " + model_configured_ +
                          ": set model to " + model_ + ", or to auto";
   const bool other_state = starting_ || status.state != reported_.state;

@@ -1,6 +1,7 @@
 #include "agent/field/link/link_state.h"
 
 #include <algorithm>
+#include <array>
 #include <utility>
 #include <variant>
 
@@ -31,6 +32,20 @@ constexpr std::chrono::seconds kAtOnceEvery{10};
 
 // A recurring doubt is logged at most this often; each one is counted.
 constexpr std::chrono::seconds kDoubtLoggedEvery{60};
+
+/// Returns which tag is bad, why, and what to do.
+std::string text_of(const TagConfig& tag, BadReason why) {
+  constexpr auto kTexts = std::to_array<std::string_view>(
+      {"its last read was not answered",
+       "the device refuses the address; compare it with the device",
+       "its last answers were damaged; look for noise, a wrong parity or a second master",
+       "the line was lost during its last read",
+       "the model lacks the address, or is not known yet; set model, or correct the address",
+       "what the device has there is no value of its type; correct type or word_order"});
+  static_assert(kTexts.size() == static_cast<std::size_t>(BadReason::bad_value) + 1);
+  return "tag " + std::string(tag.name) + " at " + std::string(tag.point.address.text) + ": " +
+         std::string(kTexts[static_cast<std::size_t>(why)]);
+}
 
 /// Returns another seed for each link, each start and each machine.
 std::uint64_t jitter_seed(std::uint32_t link) {
@@ -303,8 +318,11 @@ void LinkState::update(LinkDevice& device) {
   else if (facts.silent)
     facts.why_offline = why_silent(device);
   for (const auto& group : device.groups) {
-    facts.first_bad = group->cycle.first_bad();
-    if (facts.first_bad) break;
+    const auto bad = group->cycle.first_bad();
+    if (!bad) continue;
+    facts.first_bad = bad->why;
+    facts.bad_tag = text_of(device.config.tags[bad->tag], bad->why);
+    break;
   }
   const auto change = device.state.update(facts, utc_now_ms());
   if (!change) return;

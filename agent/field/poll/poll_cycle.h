@@ -84,8 +84,8 @@ class PollCycle final {
   /// again after it was a value for 1 minute.
   std::vector<NoValue> take_no_values() { return std::exchange(no_values_, {}); }
 
-  /// Returns the reason of the first bad tag; nullopt if all are good.
-  std::optional<BadReason> first_bad() const { return report_.first_bad(); }
+  /// Returns the first bad tag; nullopt if all are good.
+  std::optional<ReportByException::BadTag> first_bad() const { return report_.first_bad(); }
 
  private:
   using TagOutcome = std::variant<Value, BadReason>;

@@ -166,9 +166,9 @@ TagReading ReportByException::written(std::uint32_t tag, Value value, std::int64
   return reading;
 }
 
-std::optional<BadReason> ReportByException::first_bad() const {
-  for (const State& state : states_)
-    if (state.bad) return state.bad;
+std::optional<ReportByException::BadTag> ReportByException::first_bad() const {
+  for (std::size_t i = 0; i < states_.size(); ++i)
+    if (states_[i].bad) return BadTag{tags_[i], *states_[i].bad};
   return std::nullopt;
 }
 

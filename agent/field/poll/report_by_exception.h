@@ -44,8 +44,13 @@ class ReportByException final {
   /// Discards the last good value of `tag`, because a command has written there, or may have.
   void overwritten(std::uint32_t tag);
 
-  /// Returns the reason of the first bad tag; nullopt if none is bad.
-  std::optional<BadReason> first_bad() const;
+  struct BadTag {
+    std::uint32_t tag = 0;  ///< index in DeviceConfig::tags
+    BadReason why{};
+    friend bool operator==(const BadTag&, const BadTag&) = default;
+  };
+  /// Returns the first bad tag; nullopt if none is bad.
+  std::optional<BadTag> first_bad() const;
 
  private:
   /// A stored value: a number or a boolean in place, anything else on the heap.

@@ -41,9 +41,11 @@ TEST(DeviceState, ValueThatComesAndGoesDoesNotFlap) {
   state.answered();
   auto bad = bus_is_open();
   bad.first_bad = BadReason::bad_value;
+  bad.bad_tag = "tag temp at D100";
   const auto first = state.update(bad, 2000).value();
   EXPECT_EQ(first.status.state, State::degraded);
   EXPECT_EQ(first.status.reason, "bad_value");
+  EXPECT_EQ(first.status.reason_text, "tag temp at D100");
   for (std::int64_t ms = 3000; ms < 60'000; ms += 2000) {
     EXPECT_FALSE(state.update(bus_is_open(), ms)) << ms;
     EXPECT_FALSE(state.update(bad, ms + 1000)) << ms;
@@ -52,6 +54,7 @@ TEST(DeviceState, ValueThatComesAndGoesDoesNotFlap) {
   const auto good = state.update(bus_is_open(), 70'000).value();
   EXPECT_EQ(good.status.state, State::online);
   EXPECT_EQ(good.status.since_ms, 70'000);
+  EXPECT_EQ(good.status.reason_text, "");
 }
 
 TEST(DeviceState, BadValueEndsThoughTheClockWasSetBack) {

@@ -137,7 +137,7 @@ TEST_F(PollCycleTest, FailedReadTakesOnlyItsOwnTagsAlong) {
   EXPECT_FALSE(message.readings[0].bad);
   EXPECT_EQ(message.readings[1].bad, BadReason::nak);
   EXPECT_EQ(message.readings[2].bad, BadReason::bad_frame);
-  EXPECT_EQ(cycle.first_bad(), BadReason::nak);
+  EXPECT_EQ(cycle.first_bad()->why, BadReason::nak);
 }
 
 TEST_F(PollCycleTest, GivenUpCycleKeepsWhatWasRead) {

@@ -207,7 +207,7 @@ TEST_F(ReportByExceptionTest, BadTagCarriesSinceAndItsLastGoodValue) {
   EXPECT_EQ(temp.value, real(23.4));
   EXPECT_EQ(temp.last_ms, 1000);
   EXPECT_FALSE((*readings)[1].bad);
-  EXPECT_EQ(report.first_bad(), BadReason::bad_frame);
+  EXPECT_EQ(report.first_bad(), (ReportByException::BadTag{0, BadReason::bad_frame}));
 }
 
 TEST_F(ReportByExceptionTest, EachBadTagHasItsOwnSince) {
