@@ -129,12 +129,12 @@ ConfigErrors check_files(const Config& config) {
   return missing;
 }
 
-ConfigErrors exposed_secrets(const Config& config) {
-  ConfigErrors exposed;
+ConfigErrors weak_secrets(const Config& config) {
+  ConfigErrors weak;
   const auto look = [&](std::string pointer, const std::string& path) {
     const std::string_view who = path.empty() ? std::string_view() : readers_beside_owner(path);
     if (!who.empty())
-      exposed.push_back(
+      weak.push_back(
           {std::move(pointer), 0,
            shown(path) + " can be read by " + std::string(who) + "; run chmod 600 on it"});
   };
@@ -143,9 +143,9 @@ ConfigErrors exposed_secrets(const Config& config) {
     look(place + "/password_file", mqtt->password_file);
   }
   if (config.http) look("/http/token_file", config.http->token_file);
-  if (std::string weak = config.http ? why_weak(config.http->token_file) : ""; !weak.empty())
-    exposed.push_back({"/http/token_file", 0, std::move(weak)});
-  return exposed;
+  if (std::string why = config.http ? why_weak(config.http->token_file) : ""; !why.empty())
+    weak.push_back({"/http/token_file", 0, std::move(why)});
+  return weak;
 }
 
 ConfigErrors unavailable_ports(const Config& config, const std::string& file) {
@@ -162,7 +162,7 @@ ConfigErrors unavailable_ports(const Config& config, const std::string& file) {
 void log_warnings(Config& config) {
   for (const std::string& warning : std::exchange(config.warnings, {}))
     log::warn("config", {{"note", warning}});
-  for (const ConfigError& secret : exposed_secrets(config))
+  for (const ConfigError& secret : weak_secrets(config))
     log::warn("config", {{"note", secret.pointer + ": " + secret.text}});
 }
 

@@ -15,9 +15,9 @@ ConfigErrors check_files(const Config& config);
 
 /// Returns the password and key files that too many users can read: all users, or the group of a
 /// file that this user owns. Skips credentials that systemd passes on, since their access lists
-/// show as group permissions, and files in /run/secrets. Also returns the token file if a token in
-/// it can be guessed. Pointers and lines as above.
-ConfigErrors exposed_secrets(const Config& config);
+/// show as group permissions, and files in /run/secrets. Also returns the token file if one of its
+/// tokens is too short. Pointers and lines as above.
+ConfigErrors weak_secrets(const Config& config);
 
 /// Returns the ports that are missing, that this user may not open, or that another program uses.
 /// An agent that runs the config file `file` does not count as another program. Pointers are those
@@ -25,7 +25,7 @@ ConfigErrors exposed_secrets(const Config& config);
 ConfigErrors unavailable_ports(const Config& config, const std::string& file);
 
 /// Logs the warnings of `config` before it comes into force, and clears them. Also logs the files
-/// of exposed_secrets().
+/// of weak_secrets().
 void log_warnings(Config& config);
 
 }  // namespace fxagent

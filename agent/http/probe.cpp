@@ -55,7 +55,8 @@ Probe readiness_of(const AgentStatus* status, SteadyTime now) {
   if (reasons.empty()) {
     const BrokerStatus& broker = status->broker;
     if (!broker.connected)
-      reasons.push_back("broker: no connection to " + broker.server);
+      reasons.push_back("broker: no connection to " + broker.server +
+                        (broker.why.empty() ? "" : ": " + broker.why));
     else if (!broker.subscribed)
       reasons.push_back("commands are not received: " + (broker.not_heard_why.empty()
                                                              ? "the broker has not confirmed yet"

@@ -58,7 +58,7 @@ std::string RecordingFiles::begin() {
   struct flock range = whole_file();
   if (::fcntl(lock_, F_SETLK, &range) != 0) {
     lock_.close();
-    return directory_ + " belongs to another agent that runs: give each agent its own directory";
+    return in_use(directory_);
   }
   return DurableFile(directory_, kAnswer).write("");
 }

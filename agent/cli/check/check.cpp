@@ -133,8 +133,8 @@ int run_check(const std::string& path, const CheckQuestion& what) {
   for (const std::string& warning : config->warnings)
     std::cerr << path << ": warning: " << warning << '\n';
   const std::vector<ConfigError> files = check_files(*config);
-  for (const auto& findings : {files, tls_faults(*config, files), unavailable_ports(*config, path),
-                               exposed_secrets(*config)})
+  for (const auto& findings :
+       {files, tls_faults(*config, files), unavailable_ports(*config, path), weak_secrets(*config)})
     for (const ConfigError& finding : findings)
       std::cerr << path << ": warning: " << finding.pointer << ": " << finding.text << '\n';
   for (const std::string& overload : overloads(*config))

@@ -115,14 +115,15 @@ DirectoryLock::DirectoryLock(const std::string& directory) : path_(directory + "
   const auto give_up = std::chrono::steady_clock::now() + kPatience;
   while (::flock(handle_, LOCK_EX | LOCK_NB) != 0) {
     if (errno != EWOULDBLOCK || std::chrono::steady_clock::now() >= give_up) {
-      fault_ = errno == EWOULDBLOCK
-                   ? directory +
-                         " belongs to another agent that runs (each agent needs its own directory)"
-                   : fault_of_system(path_);
+      fault_ = errno == EWOULDBLOCK ? in_use(directory) : fault_of_system(path_);
       return;
     }
     std::this_thread::sleep_for(kAskAgain);
   }
+}
+
+std::string in_use(const std::string& directory) {
+  return directory + " is in use by a running agent: stop it, or give each agent its own directory";
 }
 
 std::string store_file_path(const std::string& directory) {

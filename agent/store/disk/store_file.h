@@ -50,6 +50,9 @@ class DirectoryLock final {
 /// Returns "WHAT: " and the reason that errno has.
 std::string fault_of_system(const std::string& what);
 
+/// Returns that a running agent has locked the directory, and what to do.
+std::string in_use(const std::string& directory);
+
 /// Returns the path of "fxagent.db" in `directory`.
 std::string store_file_path(const std::string& directory);
 

@@ -170,7 +170,7 @@ TEST_F(ConfigFiles, SecretsThatOthersCanReadAreNamed) {
   const auto with = [&](unsigned secret_mode, unsigned key_mode) {
     fs::permissions(secret, fs::perms(secret_mode));
     fs::permissions(key, fs::perms(key_mode));
-    return exposed_secrets(config);
+    return weak_secrets(config);
   };
   EXPECT_TRUE(with(0600, 0400).empty());
   EXPECT_TRUE(with(0444, 0644).empty()) << "the directory lets nobody pass";
@@ -184,7 +184,7 @@ TEST_F(ConfigFiles, SecretsThatOthersCanReadAreNamed) {
   ::unsetenv("CREDENTIALS_DIRECTORY");
   fs::remove(secret);
   fs::remove(key);
-  EXPECT_TRUE(exposed_secrets(config).empty()) << "check_files() tells of those";
+  EXPECT_TRUE(weak_secrets(config).empty()) << "check_files() tells of those";
 }
 
 TEST_F(ConfigFiles, TokensThatCanBeGuessedAreNamedByTheirLine) {
@@ -193,7 +193,7 @@ TEST_F(ConfigFiles, TokensThatCanBeGuessedAreNamedByTheirLine) {
     plant.erase("metrics");
     plant["http"] = {{"listen", "127.0.0.1:8080"}, {"token_file", write("token", tokens)}};
     fs::permissions(directory_ / "token", fs::perms(0600));
-    return exposed_secrets(good(plant.dump()));
+    return weak_secrets(good(plant.dump()));
   };
   const std::string long_one = "0123456789abcdef";
   for (const std::string& tokens : {long_one, "anna " + long_one, "# short\n\nanna " + long_one})

@@ -76,6 +76,9 @@ TEST(Readiness, EachThingThatIsMissingIsNamed) {
   AgentStatus status = made_up_status();
   status.broker = {"mqtt://one:1883", false, false};
   EXPECT_EQ(why(readiness_of(&status, kMade)), "broker: no connection to mqtt://one:1883");
+  status.broker.why = "connection refused";
+  EXPECT_EQ(why(readiness_of(&status, kMade)),
+            "broker: no connection to mqtt://one:1883: connection refused");
   status.broker = {"mqtt://one:1883", true, false, "not authorised"};
   EXPECT_EQ(why(readiness_of(&status, kMade)), "commands are not received: not authorised");
   status.broker.not_heard_why.clear();
