@@ -60,6 +60,8 @@ class Bus final {
   void trace_to(std::unique_ptr<WireTrace> trace) { wire_.trace_to(std::move(trace)); }
   bool is_traced() const { return wire_.is_traced(); }
   Wire::Counters& counters() { return wire_.counters(); }
+  /// Nothing is sent before this time: the end of the pause after a broadcast.
+  SteadyTime not_before() const { return wire_.not_before(); }
 
  private:
   /// Performs one exchange on a line that is in order, then judges its answer.

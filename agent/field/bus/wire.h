@@ -82,6 +82,7 @@ class Wire final {
   Overheard& overheard() { return overheard_; }
   const Overheard& overheard() const { return overheard_; }
   Counters& counters() { return counters_; }
+  SteadyTime not_before() const { return not_before_; }
   std::chrono::nanoseconds char_time() const { return char_time_; }
   SteadyTime now() const { return channel_.transport().now(); }
 

@@ -108,7 +108,8 @@ std::optional<nanoseconds> LinkCommands::bound_of(const WaitingCommand& command)
   for (const WaitingCommand& running : running_) ahead += running.line_time;
   for (const WaitingCommand& waiting : waiting_) ahead += waiting.line_time;
   const nanoseconds own = command.line_time;
-  return handshakes() +
+  const nanoseconds pause = std::max(link_.bus.not_before() - Clock::now(), nanoseconds(0));
+  return handshakes() + pause +
          (gives_way(command.admitted)
               ? link_.scheduler.share().bound_giving_way(own, ahead, poller_.longest_poll())
               : link_.scheduler.share().bound(own, ahead, poller_.longest_poll()));

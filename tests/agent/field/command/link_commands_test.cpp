@@ -374,5 +374,31 @@ TEST_F(LineOfUnknownSpeed, HasNoBound) {
   EXPECT_FALSE(commands->waiting().front().admitted.bound);
 }
 
+/// The only device is all units of a Modbus line.
+struct CommandsForAllUnits : LinkCommandsTest {
+  CommandsForAllUnits()
+      : LinkCommandsTest(milliseconds(1), [](DeviceConfig& all) {
+          all.protocol = find_protocol("modbus-rtu");
+          all.codec = codec_of("modbus-rtu", {{"unit", std::int64_t{0}}});
+          all.tags = {writable(tag(*all.codec, "x0", "hr:200"))};
+        }) {}
+  nanoseconds newest_bound() const { return *commands->waiting().back().admitted.bound; }
+};
+
+TEST_F(CommandsForAllUnits, BoundCountsThePauseAfterThoseThatWereSent) {
+  wire->expect(*from_hex("00 06 00C8 0032 8830"));
+  add("first", {0});
+  const nanoseconds first = newest_bound();
+  const SteadyTime sent_after = Clock::now();
+  run_next();
+  const SteadyTime until = bus->not_before();
+  EXPECT_GE(until - sent_after, milliseconds(100));
+  const SteadyTime before = Clock::now();
+  add("second", {0});
+  const auto left = [&](SteadyTime now) { return std::max(until - now, nanoseconds(0)); };
+  EXPECT_LE(newest_bound() - first, left(before));
+  EXPECT_GE(newest_bound() - first, left(Clock::now()));
+}
+
 }  // namespace
 }  // namespace fxagent::test
