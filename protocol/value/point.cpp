@@ -26,6 +26,8 @@ std::string types_of(const Address& address) {
       return "int32 or uint32";
     case Unit::long_count:
       return "uint32 or int32";
+    case Unit::word:
+      return "int16 or another number, or string";
     default:
       return std::string(to_string(default_type(address)));
   }

@@ -287,7 +287,8 @@ void read_place(const Json& object, CommandTarget& target, Faults& faults) {
   const auto* name = (tag != nullptr ? tag : address)->get_ptr<const std::string*>();
   if (name == nullptr || name->empty())
     return faults.add(tag != nullptr ? Reason::unknown_tag : Reason::bad_address,
-                      std::string(tag != nullptr ? "tag" : "address") + " must be a string");
+                      std::string(tag != nullptr ? "tag" : "address") +
+                          " must be a string with at least one character");
   (tag != nullptr ? target.tag : target.address) = name->substr(0, kMaxPlaceLength);
   if (address == nullptr) return;
   if (const Json* type = given(object, "type")) read_type(*type, target, faults);
@@ -413,7 +414,9 @@ std::string why_no_json(std::string_view payload) {
 /// `command`. nullopt: there is no object.
 std::optional<Json> read_object(std::string_view payload, Command& command, Faults& faults) {
   if (payload.size() > kMaxCommandBytes) {
-    faults.add(Reason::too_large, "more than 65536 bytes");
+    // Too many properties come as a part of the payload: uplink/paho/incoming_packets.h.
+    faults.add(Reason::too_large,
+               "more than 65536 bytes, or more than 192 KiB of MQTT 5 properties");
     IdReader reader;
     Json::sax_parse(payload, &reader);
     Faults of_id;
@@ -476,7 +479,9 @@ LinkCommand parse_link_command(std::string_view payload) {
       const bool is_known = key == "id" || key == "op" || key == "by" || key == "expires" ||
                             (key == "minutes" && yields);
       if (!is_known && !value.is_null())
-        faults.add(Reason::bad_json, "unknown key " + in_quotes(key));
+        faults.add(Reason::bad_json, "key " + in_quotes(key) + " does not go with " +
+                                         (yields ? "yield" : "resume") +
+                                         "; this topic is a link's, a device has its own");
     }
     const Json* minutes = given(*json, "minutes");
     if (minutes != nullptr && minutes->is_number_integer() && *minutes >= 1 &&

@@ -250,10 +250,11 @@ asio::awaitable<bool> CommandExecution::read_first(const AdmittedTarget& target,
     }
     co_return true;
   }
+  const auto value = unpack(target.point, *got.image, span_of(target.point)->first_bit);
+  const std::string why = value ? "the value differs from expect" : value.error().text;
   out.verify = std::move(found);
   out.verify->match = false;
-  set(out, CommandStatus::failed, Reason::expect_mismatch,
-      "nothing was written: the value differs from expect");
+  set(out, CommandStatus::failed, Reason::expect_mismatch, "nothing was written: " + why);
   co_return false;
 }
 

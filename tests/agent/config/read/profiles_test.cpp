@@ -112,6 +112,13 @@ TEST(ProfilesConfig, EachTagNeedsATopicOfItsOwn) {
   expect_error(plant.dump(), "/devices/1/tags/0/group", {"no group \"slow\""});
 }
 
+TEST(ProfilesConfig, ThingsBoardOnTheBrokerOfMqttIsWarnedOf) {
+  EXPECT_TRUE(warns(good(with_profiles(R"({"kind": "thingsboard"})")),
+                    {"ThingsBoard does not accept the topics of json", "brokers"}));
+  EXPECT_FALSE(
+      warns(good(with_profiles(R"({"kind": "thingsboard", "broker": "cloud"})")), {"ThingsBoard"}));
+}
+
 TEST(ProfilesConfig, ThingsBoardNeedsAKeyForEachValue) {
   json plant = json::parse(with_profiles(R"({"kind": "thingsboard", "broker": "cloud"})"));
   const auto with_tags = [&](const std::string& tags) {

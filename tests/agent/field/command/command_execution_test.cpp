@@ -680,6 +680,14 @@ TEST_F(CommandExecutionTest, UnexpectedValueWritesNothing) {
   EXPECT_EQ(result.attempts, 0);
 }
 
+TEST_F(CommandExecutionTest, ExpectedPlaceWithoutAValueIsExplained) {
+  device.tags[0].point.type = DataType::bcd16;
+  wire->expect(kReadBack).give(word_frame(0xABCD));
+  const CommandResult result = run(write_50_expecting(number(45)));
+  EXPECT_EQ(ending(result), "FAILED expect_mismatch");
+  EXPECT_EQ(result.detail, "nothing was written: ABCD is not BCD");
+}
+
 TEST_F(CommandExecutionTest, ExpectThatCannotBeReadFailsAndWritesNothing) {
   wire->expect(kReadBack).silence();
   const CommandResult result = run(write_50_expecting(number(45)));
