@@ -17,8 +17,9 @@ GuardedStore::GuardedStore(Store& store, std::function<void()> wake)
           std::move(wake)) {}
 
 GuardedStore::Figures GuardedStore::look() const {
-  return {store_.samples().rows(), store_.samples().recovered(), store_.bytes(), store_.set_aside(),
-          store_.audit().head()};
+  const StoredSamples& samples = store_.samples();
+  return {samples.rows(),     samples.recovered(),   store_.bytes(),
+          store_.set_aside(), store_.audit().head(), samples.dropped_by()};
 }
 
 void GuardedStore::upkeep(SteadyTime now, std::int64_t utc_ms) {

@@ -52,6 +52,7 @@ class GuardedStore final {
     std::uint64_t bytes = 0;
     std::string set_aside;
     audit::Head audit;
+    StoreLimit dropped_by = StoreLimit::none;  ///< StoredSamples::dropped_by()
   };
   Figures figures() const { return hangs() ? seen_ : look(); }
 

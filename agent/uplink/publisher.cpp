@@ -48,6 +48,7 @@ Publisher::Publisher(Config& config, PublisherSettings settings, JsonPayload& pa
       refused_(backoff_),
       samples_out_(config, settings_.boot, payload, outgoing_, refused_, spool_),
       history_(payload, outgoing_, refused_, spool_),
+      drops_(spool_, store, session_),
       intake_(commands, broker, config.mqtt),
       status_(
           {config, commands, session_, subscriptions_, states_, retained_, spool_, results_,
@@ -82,6 +83,7 @@ SteadyTime Publisher::step(SteadyTime now) {
   const bool failed = outgoing_.fail_unsendable(now);
   if (shutdown_.has_begun()) keep_shutdown(now);
   spool_.commit(now, !shutdown_.has_begun());
+  drops_.keep(now);
   if (shutdown_.finished()) return outlets_wake;
   return failed ? now : std::min(outlets_wake, next_wake(now));
 }
@@ -131,7 +133,7 @@ void Publisher::take_found_late(SteadyTime now) {
 void Publisher::take_outbox(SteadyTime now) {
   Outbox::Batch batch = outbox_.take();
   for (const auto& [device, count] : batch.dropped)
-    spool_.dropped().add(std::as_const(config_).devices.at(device).name, count);
+    spool_.dropped().add(std::as_const(config_).devices.at(device).name, count, DropCause::outbox);
   for (CommandResult& result : batch.results) {
     const bool may_have_written = result.attempts > 0 && result.op != to_string(Op::read);
     if (may_have_written) written_.insert(std::as_const(config_).devices.at(result.device).name);

@@ -26,6 +26,7 @@
 #include "agent/uplink/broker.h"
 #include "agent/uplink/commands/command_intake.h"
 #include "agent/uplink/commands/result_delivery.h"
+#include "agent/uplink/drop_warning.h"
 #include "agent/uplink/jittered_backoff.h"
 #include "agent/uplink/outgoing.h"
 #include "agent/uplink/own_topics.h"
@@ -175,6 +176,7 @@ class Publisher final {
   RefusedDevices refused_;
   SampleDelivery samples_out_;
   HistoryDelivery history_;
+  DropWarning drops_;
   CommandIntake intake_;
   std::vector<Outlet*> outlets_;
   StatusSource status_;

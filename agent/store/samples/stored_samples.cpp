@@ -55,7 +55,7 @@ void StoredSamples::unload(Rows rows) {
   if (rows == Rows::kept) return;
   removed_.clear();
   for (const auto& [device, count] : streams_.clear())
-    if (rows == Rows::lost) dropped_[device] += count;
+    if (rows == Rows::lost) count_dropped(device, count, StoreLimit::none);
 }
 
 bool StoredSamples::write_pending(std::size_t /*at_most*/) {
@@ -97,7 +97,7 @@ bool StoredSamples::append(std::vector<SampleRow>& rows, Hold hold) {
     streams_.added(stored);
     if (hold == Hold::yes) streams_.take(stored);
   }
-  forget(gone);
+  forget(gone, StoreLimit::max_bytes);
   failpoint("sample_stored");
   return true;
 }
@@ -119,10 +119,10 @@ std::vector<SampleStreams::Row> StoredSamples::delete_oldest(std::uint64_t exces
   return gone;
 }
 
-void StoredSamples::forget(const std::vector<SampleStreams::Row>& gone) {
+void StoredSamples::forget(const std::vector<SampleStreams::Row>& gone, StoreLimit limit) {
   for (const SampleStreams::Row& row : gone) {
     streams_.remove_oldest(row);
-    ++dropped_[row.stream.device];
+    count_dropped(row.stream.device, 1, limit);
   }
 }
 
@@ -146,7 +146,7 @@ std::optional<HistoryBatch> StoredSamples::next(const StreamKey& key, HistoryMes
     return std::nullopt;
   for (const SampleStreams::Row& row : damaged) {
     streams_.take(row);
-    dropped_[key.device] += remove(row.row_id);
+    count_dropped(key.device, remove(row.row_id), StoreLimit::none);
   }
   if (!damaged.empty()) log_damaged(key, damaged.size());
   if (builder.empty()) return std::nullopt;
@@ -189,7 +189,7 @@ void StoredSamples::drop(std::uint64_t excess, std::int64_t older_than_ms) {
     disk_.write_pending();
     gone = delete_oldest(excess, older_than_ms);
   });
-  if (done) forget(gone);
+  if (done) forget(gone, excess > 0 ? StoreLimit::max_bytes : StoreLimit::max_age);
 }
 
 void StoredSamples::move_stored_times(std::int64_t by_ms) {

@@ -19,6 +19,9 @@
 
 namespace fxagent {
 
+/// Limit of the config for which samples were dropped.
+enum class StoreLimit : std::uint8_t { none, max_bytes, max_age };
+
 class StoredSamples final : public StorePart {
  public:
   /// `yes`: rows are on their way as live messages, so no history message may take them yet.
@@ -55,6 +58,8 @@ class StoredSamples final : public StorePart {
   /// Rows dropped since the last call, by device: for lack of room, for age, damaged, or lost with
   /// their file.
   std::map<std::string, std::uint64_t> take_dropped() { return std::exchange(dropped_, {}); }
+  /// Limit for which rows were dropped last; none: they were damaged, or lost with their file.
+  StoreLimit dropped_by() const { return dropped_by_; }
 
   /// Deletes rows older than max_age.
   void drop_old();
@@ -86,8 +91,12 @@ class StoredSamples final : public StorePart {
   /// Within a commit: deletes the oldest rows until `excess` bytes are free and no row is older
   /// than `older_than_ms`. Returns them. Throws SQLite::Exception.
   std::vector<SampleStreams::Row> delete_oldest(std::uint64_t excess, std::int64_t older_than_ms);
-  void forget(const std::vector<SampleStreams::Row>& gone);
+  void forget(const std::vector<SampleStreams::Row>& gone, StoreLimit limit);
   void drop(std::uint64_t excess, std::int64_t older_than_ms);
+  void count_dropped(const std::string& device, std::uint64_t count, StoreLimit limit) {
+    dropped_[device] += count;
+    dropped_by_ = limit;
+  }
 
   const StoreConfig config_;
   StoreDisk& disk_;
@@ -98,6 +107,7 @@ class StoredSamples final : public StorePart {
   std::set<std::uint64_t> removed_;  ///< row ids, still in the file
   bool is_removal_written_ = false;  ///< in the open commit
   std::map<std::string, std::uint64_t> dropped_;
+  StoreLimit dropped_by_ = StoreLimit::none;
   std::uint64_t next_row_id_ = 1;
   std::uint64_t first_of_run_ = 0;
   std::uint64_t recovered_ = 0;

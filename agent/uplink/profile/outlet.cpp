@@ -34,14 +34,15 @@ Outlet::Outlet(const Config& config, Settings settings, Profile& profile, Broker
       spool_(store, settings_.backlog_bytes),
       refused_(backoff_),
       samples_(config, settings_.boot, profile, outgoing_, refused_, spool_),
-      history_(profile, outgoing_, refused_, spool_) {}
+      history_(profile, outgoing_, refused_, spool_),
+      drops_(spool_, store, session_, settings_.name) {}
 
 void Outlet::take(const Outbox::Batch& batch, SteadyTime now) {
   for (const DeviceStatus& status : batch.states) profile_.device_state(status);
   if (!profile_.wants_samples()) return;
   for (const auto& [device, count] : batch.dropped) {
     collected_ += count;
-    spool_.dropped().add(config_.devices.at(device).name, count);
+    spool_.dropped().add(config_.devices.at(device).name, count, DropCause::outbox);
   }
   for (const Telemetry& sample : batch.telemetry) profile_.saw(sample);
   collected_ += batch.telemetry.size();
@@ -80,6 +81,7 @@ SteadyTime Outlet::step(SteadyTime now) {
   const bool failed = outgoing_.fail_unsendable(now);
   keep_stop(now);
   spool_.commit(now, phase_ == Phase::running);
+  drops_.keep(now);
   broker_.await_acknowledgements(phase_ != Phase::running || !session_.is_connected() ||
                                  history_.is_on_the_way() ||
                                  outgoing_.size() >= outgoing_.window() / 2);

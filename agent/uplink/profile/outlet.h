@@ -18,6 +18,7 @@
 #include "agent/steady_time.h"
 #include "agent/store/guarded_store.h"
 #include "agent/uplink/broker.h"
+#include "agent/uplink/drop_warning.h"
 #include "agent/uplink/jittered_backoff.h"
 #include "agent/uplink/outgoing.h"
 #include "agent/uplink/profile/profile.h"
@@ -93,6 +94,7 @@ class Outlet final : private Outgoing::Sender {
   RefusedDevices refused_;
   SampleDelivery samples_;
   HistoryDelivery history_;
+  DropWarning drops_;
 
   std::uint64_t collected_ = 0;
   Phase phase_ = Phase::running;

@@ -151,9 +151,11 @@ void SampleSpool::close() {
 }
 
 void SampleSpool::count_dropped() {
-  for (const auto& [device, count] : backlog_.take_dropped()) dropped_.add(device, count);
+  for (const auto& [device, count] : backlog_.take_dropped())
+    dropped_.add(device, count, DropCause::memory);
   if (store_ == nullptr) return;
-  for (const auto& [device, count] : store_->samples().take_dropped()) dropped_.add(device, count);
+  for (const auto& [device, count] : store_->samples().take_dropped())
+    dropped_.add(device, count, DropCause::store);
 }
 
 SteadyTime SampleSpool::next_wake(SteadyTime now) const {

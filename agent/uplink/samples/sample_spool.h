@@ -27,14 +27,19 @@ namespace fxagent {
 
 struct SampleCounts;
 
+/// Place in which samples were lost. `refused`: the broker or the format does not accept them.
+enum class DropCause : std::uint8_t { outbox, memory, store, refused };
+
 /// Counts the samples that were lost: dropped to make room, or refused for good.
 class DroppedSamples final {
  public:
   /// The device may exist only in the store.
-  void add(const std::string& device, std::uint64_t count) {
+  void add(const std::string& device, std::uint64_t count, DropCause cause) {
     by_device_[device] += count;
     total_ += count;
+    if (count != 0) last_cause_ = cause;
   }
+  DropCause last_cause() const { return last_cause_; }
   std::uint64_t total() const { return total_; }
   std::uint64_t of(const std::string& device) const {
     const auto found = by_device_.find(device);
@@ -45,6 +50,7 @@ class DroppedSamples final {
   /// By device name: the store may have rows of devices that the config no longer has.
   std::map<std::string, std::uint64_t> by_device_;
   std::uint64_t total_ = 0;
+  DropCause last_cause_ = DropCause::outbox;
 };
 
 /// Devices whose samples the broker refuses for a time, or the library rejects: each has a pause
@@ -143,9 +149,11 @@ class SampleSpool final {
   void remove(const OutgoingHistory& message, const GuardedSamples::Removed& then);
   /// Removes a held row that is complete (LiveRow::stored). `then` gets 1 if it still existed.
   void remove(const LiveRow& live, const GuardedSamples::Removed& then);
-  /// Returns the `then` that counts the rows as dropped.
+  /// Returns the `then` that counts the rows as dropped: refused for good.
   GuardedSamples::Removed as_dropped(std::string device) {
-    return [this, device = std::move(device)](std::uint64_t count) { dropped_.add(device, count); };
+    return [this, device = std::move(device)](std::uint64_t count) {
+      dropped_.add(device, count, DropCause::refused);
+    };
   }
   /// Writes everything to the disk and closes the store, if there is one.
   void close();

@@ -168,7 +168,7 @@ void StatusSource::tick(SteadyTime now) {
     bytes_per_hour_ = static_cast<double>(bytes) / hours;
     rate_since_ = now;
   }
-  log_samples();
+  log_unbalanced();
   at(now);
 }
 
@@ -181,11 +181,7 @@ std::shared_ptr<const AgentStatus> StatusSource::at(SteadyTime now) {
   return published_;
 }
 
-void StatusSource::log_samples() {
-  const std::uint64_t total = parts_.spool.dropped().total();
-  if (const std::uint64_t before = std::exchange(dropped_at_tick_, total); total != before)
-    log::warn("samples_dropped",
-              {{"count", std::to_string(total - before)}, {"total", std::to_string(total)}});
+void StatusSource::log_unbalanced() const {
   const SampleCounts now_here = samples();
   if (!now_here.balanced())
     log::error("samples_unbalanced", {{"collected", std::to_string(now_here.collected)},

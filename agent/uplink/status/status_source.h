@@ -118,7 +118,7 @@ class StatusSource final {
   /// Restarts rates, logs faults and publishes a status.
   void tick(SteadyTime now);
   void health_is_due();
-  void log_samples();
+  void log_unbalanced() const;
 
   const Parts parts_;
   /// Shared with each status made under it.
@@ -134,7 +134,6 @@ class StatusSource final {
   std::optional<SteadyTime> field_heard_;
   bool miscounted_ = false;  ///< field_ disagrees with the samples passed on by the outbox
   std::string conflict_;
-  std::uint64_t dropped_at_tick_ = 0;
   std::optional<double> bytes_per_hour_;  ///< of the last minute or longer with samples
   SteadyTime started_{};
   SteadyTime next_tick_{};

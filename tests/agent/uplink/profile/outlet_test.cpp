@@ -125,6 +125,18 @@ TEST_P(OutletTest, EverySampleIsInOnePlaceWhateverTheBrokerDoes) {
   EXPECT_EQ(counts.dropped, 0U);
 }
 
+TEST_P(OutletTest, LostSamplesAreWarnedOfWithTheNameOfTheProfile) {
+  settle();
+  Outbox::Batch batch;
+  batch.dropped = {{0, 3}};
+  outlet_->take(batch, now_);
+  testing::internal::CaptureStderr();
+  settle();
+  const std::string log = testing::internal::GetCapturedStderr();
+  EXPECT_NE(log.find("warning samples_dropped count=3 reason="), log.npos) << log;
+  EXPECT_NE(log.find(" for " + outlet_->status().name), log.npos) << log;
+}
+
 TEST_P(OutletTest, SessionThatAnotherClientTakesOverIsOpenedAgain) {
   settle(1s);
   const std::size_t connects = broker_.connects.size();

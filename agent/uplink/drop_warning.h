@@ -1,0 +1,46 @@
+// Warns when samples begin to be lost: once, with the limit that was reached and the remedy, and
+// once a day while it lasts. Logs the end, too. Uplink thread. Time is an argument.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "agent/steady_time.h"
+#include "agent/store/guarded_store.h"
+#include "agent/uplink/samples/sample_spool.h"
+#include "agent/uplink/session/session.h"
+
+namespace fxagent {
+
+class DropWarning final {
+ public:
+  /// All references outlive the object. `store` is that of the spool; null: none. `profile` names
+  /// the session in the log; empty: it is the agent's own.
+  DropWarning(const SampleSpool& spool, const GuardedStore* store, const Session& session,
+              std::string profile = {})
+      : spool_(spool), store_(store), session_(session), profile_(std::move(profile)) {}
+
+  /// Logs what is due. Call in each step, after the spool's work. The loss has ended if the session
+  /// is connected and no sample was lost for a minute.
+  void keep(SteadyTime now);
+
+ private:
+  struct Loss {
+    std::uint64_t before = 0;  ///< samples lost before it
+    SteadyTime warned{};
+    SteadyTime last{};
+  };
+
+  void warn(std::uint64_t count, SteadyTime now) const;
+  std::string broker(SteadyTime now) const;
+
+  const SampleSpool& spool_;
+  const GuardedStore* const store_;
+  const Session& session_;
+  const std::string profile_;
+  std::uint64_t total_ = 0;  ///< samples lost until the last keep()
+  std::optional<Loss> loss_;
+};
+
+}  // namespace fxagent
