@@ -58,7 +58,16 @@ FleetReport report_of(const SortedJson& said) {
 
 }  // namespace
 
+bool has_refused_another(const FleetAgent& agent) {
+  if (!agent.desired || !agent.report || agent.report->state == "applied") return false;
+  // A report on another document names the one in force only by its version.
+  return agent.report->desired_hash != agent.desired->hash && !agent.report->in_force.empty() &&
+         agent.report->in_force == agent.desired->version;
+}
+
 Agreement agreement_of(const FleetAgent& agent) {
+  if (has_refused_another(agent))
+    return agent.report->confirmed ? Agreement::as_asked : Agreement::on_trial;
   if (agent.desired && (!agent.report || agent.report->desired_hash != agent.desired->hash))
     return Agreement::no_answer;
   const std::string state = agent.report ? agent.report->state : "";

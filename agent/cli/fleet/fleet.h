@@ -57,6 +57,9 @@ enum class Agreement : std::uint8_t {
   no_answer,    ///< the agent has not answered the document
 };
 
+/// True if the agent has refused or rolled back a document, and the broker's document, another one,
+/// is in force: the other one was sent without retain, or the broker has it no more.
+bool has_refused_another(const FleetAgent& agent);
 /// Compares the last report of an agent with the document that the broker has for it.
 Agreement agreement_of(const FleetAgent& agent);
 /// True unless the document was refused, rolled back or not answered.

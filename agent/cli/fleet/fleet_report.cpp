@@ -131,6 +131,18 @@ std::string text_of(Outcome outcome) {
   return text;
 }
 
+/// Returns the document that the agent has refused, with its reasons; empty: none.
+std::string refusal_text(const std::string& name, const FleetAgent& agent) {
+  const Agreement agreement = agreement_of(agent);
+  const bool another = has_refused_another(agent);
+  if (!another && agreement != Agreement::refused && agreement != Agreement::rolled_back) return {};
+  const std::string& version = agent.report->version;
+  return plain(name) + (agent.report->state == "rolled_back" ? " has rolled back " : " refuses ") +
+         (version.empty() ? "the document" : plain(version)) +
+         (another ? ", which the broker does not have" : "") + ":\n" +
+         reasons(agent.report->errors, "  ");
+}
+
 bool is_agent_good(const FleetAgent& agent) {
   return agent.presence == Presence::online && agent.conflict.empty() &&
          is_as_asked(agreement_of(agent));
@@ -168,10 +180,7 @@ std::string fleet_text(const Fleet& fleet) {
     } else if (agent.presence != Presence::unknown) {
       ++without;
     }
-    if (agreement == Agreement::refused || agreement == Agreement::rolled_back)
-      refusals += plain(name) +
-                  (agreement == Agreement::refused ? " refuses " : " has rolled back ") +
-                  asked_text(agent) + ":\n" + reasons(agent.report->errors, "  ");
+    refusals += refusal_text(name, agent);
   }
   std::string sum =
       std::to_string(online) + " of " + std::to_string(fleet.agents().size()) + " online";
@@ -203,6 +212,7 @@ std::string fleet_json(const Fleet& fleet) {
     one["in_force"] = or_null(agent.report ? agent.report->in_force : std::string());
     one["asked"] = or_null(asked_version(agent));
     one["config"] = word_of(agreement_of(agent));
+    one["answered"] = or_null(agent.report ? agent.report->version : std::string());
     one["errors"] = agent.report ? agent.report->errors : std::vector<std::string>();
     agents.push_back(std::move(one));
   }

@@ -78,6 +78,26 @@ TEST(FleetReport, ADocumentThatThisUserMayNotReadIsNotCounted) {
   EXPECT_EQ(made["agents"][0]["asked"], "v8");
 }
 
+TEST(FleetReport, ARefusalOfADocumentThatTheBrokerDoesNotHaveIsALineBelow) {
+  Fleet fleet("fx");
+  fleet.take("fx/edge1/state", R"({"state": "online", "since": 1790000000000})");
+  fleet.take("fx/edge1/config/desired", R"({"version": "v7", "patch": {}})");
+  fleet.take("fx/edge1/config/reported", report("rejected", "v7"));
+  const std::string text = fleet_text(fleet);
+  EXPECT_NE(text.find("v7 5f0c9a31  as sent\n"
+                      "edge1 refuses v8, which the broker does not have:\n"
+                      "  /devices/0/link: there is no link \"line9\"\n"
+                      "1 of 1 online, 1 of 1 as sent\n"),
+            text.npos)
+      << text;
+  EXPECT_TRUE(is_fleet_good(fleet));
+  const auto made = nlohmann::json::parse(fleet_json(fleet));
+  EXPECT_EQ(made["agents"][0]["config"], "as_asked");
+  EXPECT_EQ(made["agents"][0]["asked"], "v7");
+  EXPECT_EQ(made["agents"][0]["answered"], "v8");
+  EXPECT_EQ(made["agents"][0]["errors"].size(), 1U);
+}
+
 TEST(FleetReport, AFleetToWhichNothingWasSentHasNoneAsSent) {
   Fleet fleet("fx");
   fleet.take("fx/e/state", R"({"state": "online"})");

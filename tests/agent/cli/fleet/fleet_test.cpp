@@ -83,6 +83,25 @@ TEST(Fleet, AgreementComparesTheReportWithTheDocument) {
   EXPECT_EQ(agreement(), Agreement::local_file);
 }
 
+TEST(Fleet, ARefusalOfAnotherDocumentLeavesTheOneInForceAsAsked) {
+  Fleet fleet("fx");
+  const auto agreement = [&] { return agreement_of(fleet.agent("e")); };
+  fleet.take("fx/e/config/desired", R"({"version": "v1", "patch": {}})");
+  for (const char* state : {"rejected", "rolled_back"}) {
+    fleet.take("fx/e/config/reported", fleet_report(state, "0000000000000000"));
+    EXPECT_EQ(agreement(), Agreement::as_asked) << state;
+    EXPECT_TRUE(has_refused_another(fleet.agent("e")));
+  }
+  fleet.take("fx/e/config/reported", fleet_report("rejected", "0000000000000000", false));
+  EXPECT_EQ(agreement(), Agreement::on_trial);
+  fleet.take("fx/e/config/desired", kDocument);
+  EXPECT_EQ(agreement(), Agreement::no_answer) << "v1 is in force, v2 was sent";
+  EXPECT_FALSE(has_refused_another(fleet.agent("e")));
+  fleet.take("fx/e/config/desired", R"({"version": "v1", "patch": {}})");
+  fleet.take("fx/e/config/reported", fleet_report("applied", "0000000000000000"));
+  EXPECT_EQ(agreement(), Agreement::no_answer) << "applied, but another document of that version";
+}
+
 TEST(Fleet, HashIsThatOfTheInterface) {
   EXPECT_EQ(short_hash("abc"), "ba7816bf8f01cfea") << "SHA-256 of abc, FIPS 180-2";
 }
