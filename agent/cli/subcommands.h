@@ -221,8 +221,9 @@ struct FleetQuestion {
   bool dry_run = false;
   bool as_json = false;
 };
-/// Returns 0 if each agent is online and has the config that it was sent, or accepted its document;
-/// 1 if not; 2 if the call or a document is wrong, or the broker does not answer.
+/// Returns 0 if each agent is online and has the config that it was sent, or accepted its document
+/// (with skip_offline: each agent that is online, and at least one); 1 if not; 2 if the call or a
+/// document is wrong, or the broker does not answer.
 int run_fleet(const FleetQuestion& what);
 
 }  // namespace fxagent

@@ -101,6 +101,11 @@ class Fleet(PlantTest):
         self.assertEqual((status, [a["outcome"] for a in json.loads(out)["agents"]]), (1, ["offline", "not_sent"]))
         self.assertEqual(self.watcher.payloads(f"{ROOT}/edge3/config/desired"), [])
 
+        status, out, _ = self.fleet("push", new, "--agents", "edge3", "--skip-offline")
+        self.assertEqual((status, out.splitlines()[2:]), (1, ["NOTHING SENT: 0 of 1 accepted", "offline: edge3"]), out)
+        status, out, _ = self.fleet("push", new, "--agents", "edge3", "--skip-offline", "--dry-run")
+        self.assertEqual(status, 1, out)
+
         # Each agent with its own file, and the one that is away left out.
         for name in self.agents:
             self.document("v3", "line2" if name == "edge2" else "line1", name + ".json")

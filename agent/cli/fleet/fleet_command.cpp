@@ -276,10 +276,11 @@ int push(const FleetQuestion& what, FleetSession& session) {
                            .skip_offline = what.skip_offline};
   if (what.dry_run) {
     std::cout << dry_run_text(*pushes, rules, session.fleet());
-    const bool all_online = std::ranges::all_of(*pushes, [&](const Push& each) {
+    const auto online = std::ranges::count_if(*pushes, [&](const Push& each) {
       return session.fleet().agent(each.agent).presence == FleetAgent::Presence::online;
     });
-    return all_online || what.skip_offline ? kDone : kFailed;
+    const bool is_good = what.skip_offline ? online > 0 : online == std::ssize(*pushes);
+    return is_good ? kDone : kFailed;
   }
   Rollout rollout(std::move(*pushes), rules);
   RolloutLines lines(rollout);

@@ -256,9 +256,14 @@ std::string rollout_sum(const Rollout& rollout) {
     return names.empty() ? names : names + "\n";
   };
   const auto accepted = std::ranges::count(pushes, Outcome::accepted, &Push::outcome);
-  return (rollout.is_good() ? "done" : "STOPPED") + std::string(": ") + std::to_string(accepted) +
-         " of " + std::to_string(pushes.size()) + " accepted\n" +
-         line("accepted: ", {Outcome::accepted}) + line("refused: ", {Outcome::refused}) +
+  const bool all_left_out =
+      std::ranges::count(pushes, Outcome::left_out, &Push::outcome) == std::ssize(pushes);
+  return (rollout.is_good() ? "done"
+          : all_left_out    ? "NOTHING SENT"
+                            : "STOPPED") +
+         std::string(": ") + std::to_string(accepted) + " of " + std::to_string(pushes.size()) +
+         " accepted\n" + line("accepted: ", {Outcome::accepted}) +
+         line("refused: ", {Outcome::refused}) +
          line("not allowed by the broker: ", {Outcome::not_allowed}) +
          line("on trial: ", {Outcome::on_trial}) +
          line("no answer: ", {Outcome::silent, Outcome::waits}) +

@@ -115,6 +115,9 @@ bool Rollout::waits() const {
   return std::ranges::find(pushes_, Outcome::waits, &Push::outcome) != pushes_.end();
 }
 
-bool Rollout::is_good() const { return std::ranges::all_of(pushes_, &Push::is_good); }
+bool Rollout::is_good() const {
+  return std::ranges::all_of(pushes_, &Push::is_good) &&
+         std::ranges::find(pushes_, Outcome::accepted, &Push::outcome) != pushes_.end();
+}
 
 }  // namespace fxagent

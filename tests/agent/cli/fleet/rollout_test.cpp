@@ -121,6 +121,15 @@ TEST_F(RolloutTest, LeavesOutOfflineAgentsIfItMay) {
   EXPECT_TRUE(sent.is_good());
 }
 
+TEST_F(RolloutTest, IsNotGoodIfAllAgentsWereLeftOut) {
+  Rollout sent = rollout({.batch = 4, .skip_offline = true});
+  for (const char* name : {"a", "b", "c", "d"}) set_online(name, false);
+  sent.advance(fleet, now);
+  sent.advance(fleet, now);
+  EXPECT_TRUE(sent.is_over());
+  EXPECT_FALSE(sent.is_good());
+}
+
 TEST_F(RolloutTest, WaitsForTheTrialIfAsked) {
   Rollout sent = rollout({.batch = 1, .patience = 120s, .confirmed = true});
   sent.advance(fleet, now);
