@@ -435,7 +435,7 @@ int run_one_shot(const std::string& path, const OneShot& what) {
   Config& config = *loaded;
   if (!narrow(config, what.device))
     return refused("", "no device " + what.device + " in the config" +
-                           did_you_mean(what.device, names_in(config.devices)));
+                           in_place_of(what.device, names_in(config.devices)));
   if (const std::string fault = call_fault(what, config.devices.front()); !fault.empty())
     return refused("", fault);
   CommandTarget target;

@@ -52,7 +52,7 @@ std::optional<std::vector<std::uint32_t>> traced_links(const Config& config,
     const auto found = std::ranges::find(names, name);
     if (found == names.end()) {
       log::say(is_local ? log::Level::error : log::Level::warn, "config",
-               "--trace: there is no link " + shown(name) + did_you_mean(name, names));
+               "--trace: there is no link " + shown(name) + in_place_of(name, names));
       if (is_local) return std::nullopt;
       continue;
     }

@@ -176,6 +176,18 @@ std::string did_you_mean(std::string_view word, std::span<const std::string_view
   return nearest.empty() ? std::string() : "; did you mean " + one_of(nearest) + "?";
 }
 
+std::string in_place_of(std::string_view word, std::span<const std::string_view> words) {
+  constexpr std::size_t kMostShown = 8;
+  if (words.empty()) return {};
+  if (std::string meant = did_you_mean(word, words); !meant.empty()) return meant;
+  const auto first = words.first(std::min(kMostShown, words.size()));
+  const std::string text =
+      (words.size() == 1 ? "; there is " : "; there are ") + joined(first, ", ");
+  return words.size() > kMostShown
+             ? text + " and " + std::to_string(words.size() - kMostShown) + " more"
+             : text;
+}
+
 std::string cure_of_key(std::string_view key, std::string_view section,
                         std::span<const std::string_view> known) {
   if (std::ranges::any_of(known, [&](std::string_view each) { return means(key, each); }))

@@ -29,6 +29,10 @@ std::vector<std::string_view> nearest_words(std::string_view word,
 /// Returns "; did you mean a or b?" to append to an error text; empty if no word is near.
 std::string did_you_mean(std::string_view word, std::span<const std::string_view> words);
 
+/// Returns what to append to an error text about an unknown `word`: "; did you mean line1?"; or if
+/// no word is near "; there are line1, line2", with at most 8 words. Empty if there are no words.
+std::string in_place_of(std::string_view word, std::span<const std::string_view> words);
+
 /// Returns the words with `separator` between them.
 std::string joined(std::span<const std::string_view> words, std::string_view separator);
 

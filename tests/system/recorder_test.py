@@ -79,6 +79,8 @@ class Recorder(Recorded):
         self.assertEqual(len(self.asked()), 2)
         self.assertIn("did you mean line2", self.run_agent("record", self.agent.path, "lin2",
                                                            status=2))
+        self.assertIn("there is no link other; there are line1, line2\n",
+                      self.run_agent("record", self.agent.path, "other", status=2))
 
     def test_without_an_agent_or_a_recorder_the_cure_is_named(self):
         self.begin()

@@ -36,7 +36,7 @@ std::string unknown_link(const Config& config, const std::vector<std::string>& w
   const auto names = names_in(config.links);
   for (const std::string& name : wanted)
     if (std::ranges::find(names, name) == names.end())
-      return "there is no link " + shown(name) + did_you_mean(name, names);
+      return "there is no link " + shown(name) + in_place_of(name, names);
   return {};
 }
 

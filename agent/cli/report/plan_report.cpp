@@ -499,8 +499,8 @@ Result<void> add_what_if(Config& config, const std::string& what) {
   if (!asked) return tl::make_unexpected(asked.error());
   const auto device = std::ranges::find(config.devices, asked->device, &DeviceConfig::name);
   if (device == config.devices.end())
-    return refuse(what, "there is no device " + asked->device + "; there are " +
-                            joined(names_in(config.devices), ", "));
+    return refuse(what, "there is no device " + asked->device +
+                            in_place_of(asked->device, names_in(config.devices)));
   const auto codec = widest(*device);
   if (codec->is_broadcast())
     return refuse(what, device->name + " is a broadcast, and no unit answers one");

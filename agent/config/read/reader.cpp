@@ -354,17 +354,10 @@ std::string NameTable::in_place_of(std::string_view name, ConfigReader& reader,
                                    const ConfigNode& at, std::string_view none) const {
   if (entries_.empty()) return std::string(none);
   if (!reader.may_suggest(at.offset)) return {};
-  constexpr std::size_t kMostShown = 8;
   std::vector<std::string_view> names;
   names.reserve(entries_.size());
   for (const auto& [known, entry] : entries_) names.push_back(known);
-  if (std::string meant = did_you_mean(name, names); !meant.empty()) return meant;
-  const std::span first(names.data(), std::min(kMostShown, names.size()));
-  const std::string text =
-      (names.size() == 1 ? "; there is " : "; there are ") + joined(first, ", ");
-  return names.size() > kMostShown
-             ? text + " and " + std::to_string(names.size() - kMostShown) + " more"
-             : text;
+  return fxagent::in_place_of(name, names);
 }
 
 }  // namespace fxagent

@@ -139,9 +139,8 @@ class NameTable {
   void add(ConfigReader& reader, const std::string& name, const ConfigNode& node,
            std::uint32_t index);
   std::optional<std::uint32_t> find(std::string_view name) const;
-  /// Returns what to append to the error at `at` about the unknown `name`: `none` if the table is
-  /// empty; "; did you mean line1?"; or if no name is near "; there are line1, line2", with at most
-  /// 8 names.
+  /// Returns in_place_of() of the unknown `name`, to append to the error at `at`; `none` if the
+  /// table is empty.
   std::string in_place_of(std::string_view name, ConfigReader& reader, const ConfigNode& at,
                           std::string_view none) const;
 

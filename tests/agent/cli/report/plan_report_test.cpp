@@ -295,7 +295,7 @@ TEST(PlanReport, AWhatIfCostsAsMuchAsTheTagsWould) {
 
 TEST(PlanReport, AWrongWhatIfIsNamedAndChangesNothing) {
   const std::map<std::string, std::string> wrong = {
-      {"q D1@5", "there is no device q; there are p"},
+      {"q D1@5", "there is no device q; there is p"},
       {"p X8@5", "octal"},
       {"p D9..D5@5", "D9 and D5 are not a range"},
       {"p D5..M9@5", "D5 and M9 are not a range"},
