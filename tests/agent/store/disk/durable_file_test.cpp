@@ -132,7 +132,7 @@ TEST(DurableFile, OneProcessOfTwoHasTheLock) {
   DurableFile second(scratch.path("store"), "kept.json");
   EXPECT_EQ(first->lock(), "");
   EXPECT_EQ(first->lock(), "");
-  EXPECT_NE(second.lock().find("another agent"), std::string::npos) << second.lock();
+  EXPECT_NE(second.lock().find("in use by a running agent"), std::string::npos) << second.lock();
   first.reset();
   EXPECT_EQ(second.lock(), "");
 }
