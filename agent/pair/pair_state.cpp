@@ -76,7 +76,7 @@ void PairState::heard(const PairStatus& status, BootTime now) {
   }
   if (status.role == "offline") {
     if (gone_.size() < kMostBoots) gone_.insert(status.boot);
-    peers_.erase(status.boot);
+    if (peers_.erase(status.boot) != 0) status_due_ = true;
     // The last will of an earlier process has replaced our own status.
     if (status.member == settings_.member) status_due_ = true;
     if (holder_ == status.boot) holder_.clear();

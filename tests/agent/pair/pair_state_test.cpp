@@ -67,6 +67,16 @@ TEST(PairState, GatewayWhoseSessionBeganAnewIsThereAgain) {
   EXPECT_EQ(a.state.peer(), "b");
 }
 
+TEST(PairState, StatusNamesThePeerUntilItHasEnded) {
+  JoinedGateway a;
+  a.state.heard({.member = "b", .boot = "boot-b", .role = "standby"}, at(10));
+  EXPECT_TRUE(a.steps(10, Order::publish_status));
+  a.state.heard({.member = "b", .boot = "boot-b", .role = "offline"}, at(20));
+  EXPECT_TRUE(a.steps(20, Order::publish_status));
+  a.state.heard({.member = "b", .boot = "boot-b", .role = "offline"}, at(30));
+  EXPECT_FALSE(a.steps(30, Order::publish_status)) << "nothing has changed";
+}
+
 TEST(PairState, PeerThatIsThereHasTimeToAnswer) {
   Gateway a;
   EXPECT_FALSE(a.state.knows_peer(at(5000)));
