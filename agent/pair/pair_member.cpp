@@ -413,16 +413,25 @@ void PairMember::save_heard(const std::string& where, const std::string& text) {
 }
 
 /// Takes what the MQTT library has acknowledged: the broker does not send it to the next process.
+/// That process may have to wait for a config without errors, so this gateway is offline until
+/// then.
 void PairMember::end_member_session() {
   take_member_events(boot_time_now());
   if (!member_->is_connected()) return;
   const BootTime patience = boot_time_now() + kFarewell;
-  member_->disconnect(/*with_will=*/true);
-  while (member_->is_connected() && boot_time_now() < patience) {
-    std::unique_lock lock(mutex_);
-    news_.wait_for(lock, kShortestWait, [this] { return woken_; });
-    woken_ = false;
-  }
+  const auto wait_while = [&](const auto& goes_on) {
+    while (member_->is_connected() && goes_on() && boot_time_now() < patience) {
+      std::unique_lock lock(mutex_);
+      news_.wait_for(lock, kShortestWait, [this] { return woken_; });
+      woken_ = false;
+      lock.unlock();
+      take_member_events(boot_time_now());
+    }
+  };
+  farewell_ = publish(*member_, offline_status());
+  wait_while([this] { return farewell_ != 0; });
+  member_->disconnect();
+  wait_while([] { return true; });
   take_member_events(boot_time_now());
 }
 

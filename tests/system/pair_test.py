@@ -260,6 +260,22 @@ class Pair(PairTest):
         self.agents["a"].write(right)
         self.role("a", "standby", since)
 
+    def test_gateway_that_waits_for_its_file_after_a_pause_is_offline(self):
+        self.start_pair()
+        gateway = self.agents["a"]
+        right = gateway.config
+        with open(gateway.path, "a") as out:
+            out.write("{")
+        since = self.watcher.mark()
+        with frozen(gateway.process):
+            self.role("b", "active", since)
+        self.role("a", "offline", since)
+        self.watcher.wait(f"{BASE}/pair/b", lambda s: s.get("role") == "active" and s["peer"] is None, since)
+        since = self.watcher.mark()
+        gateway.write(right)
+        self.role("a", "standby", since)
+        self.watcher.wait(f"{BASE}/pair/b", lambda s: s.get("role") == "active" and s["peer"] == "a", since)
+
     def test_settings_that_differ_are_named_and_the_longer_one_counts(self):
         self.start_pair(standby={"pair": {"member": "b", "quiet_ms": 400}})
         wait_for("the fault", lambda: any("quiet_ms of member a is 1500" in line for line in self.faults("b")))
