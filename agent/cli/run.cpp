@@ -7,6 +7,7 @@
 #include <csignal>
 #include <cstddef>
 #include <cstdint>
+#include <ctime>
 #include <exception>
 #include <optional>
 #include <stdexcept>
@@ -61,24 +62,42 @@ std::optional<std::vector<std::uint32_t>> traced_links(const Config& config,
   return links;
 }
 
+/// Waits for SIGHUP, which is blocked in every thread. Returns false if none came.
+bool hangup_within(std::chrono::seconds patience) {
+  sigset_t hangup;
+  sigemptyset(&hangup);
+  sigaddset(&hangup, SIGHUP);
+  const timespec limit{.tv_sec = patience.count(), .tv_nsec = 0};
+  return sigtimedwait(&hangup, nullptr, &limit) == SIGHUP;
+}
+
 /// Loads the config, and logs its errors. A gateway of a pair that starts itself anew waits until
-/// its file is right: systemd does not start a program again whose config is wrong.
-std::optional<Config> started_config(RemoteConfig& remote, const std::string& path,
-                                     StopWatchdog& watchdog) {
+/// its file is right: systemd does not start a program again whose config is wrong. SIGHUP repeats
+/// the errors. A stop signal ends the process meanwhile.
+std::optional<Config> started_config(RemoteConfig& remote, const std::string& path) {
   constexpr std::chrono::seconds kLookAgain{2};
   std::vector<ConfigError> said;
   while (true) {
     auto config = remote.start({std::chrono::steady_clock::now(), utc_now_ms()});
     if (config) return std::move(*config);
+    if (!was_restarted()) {
+      for (const ConfigError& error : config.error())
+        log::say(log::Level::error, "config", to_string(error, path));
+      return std::nullopt;
+    }
     if (config.error() != said) {
       said = config.error();
       for (const ConfigError& error : said)
-        log::say(log::Level::error, "config", to_string(error, path));
+        log::error("config", {{"state", "rejected"}, {"error", to_string(error, path)}});
+      log::warn("config", {{"state", "waiting"},
+                           {"errors", std::to_string(said.size())},
+                           {"note",
+                            "this gateway has left its pair until its config has no errors; until "
+                            "then, if the other gateway fails, none takes over"}});
     }
-    if (!was_restarted()) return std::nullopt;
-    service_manager::notify_status("standby of its pair, waits for a config without errors");
+    service_manager::notify_status("away from its pair, waits for a config without errors");
     service_manager::notify_alive();
-    watchdog.await_signal(kLookAgain);
+    if (hangup_within(kLookAgain)) said.clear();
   }
 }
 
@@ -106,7 +125,7 @@ int run_until_stopped(const std::string& path, const RunQuestion& what) {
   StopWatchdog watchdog(stop_signals);
   const log::InBackground background;
   RemoteConfig remote(path, trial_time(), boot_id());
-  auto config = started_config(remote, path, watchdog);
+  auto config = started_config(remote, path);
   if (!config) return kWrong;
   const auto traced = traced_links(*config, what, remote);
   if (!traced) return kWrong;
