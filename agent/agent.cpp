@@ -172,12 +172,14 @@ ProfileParts make_profile(const Config& config, const ProfileConfig& what,
 }
 
 /// Waits on standby until this gateway of a pair is to run the agent. A stop signal ends the
-/// process meanwhile. Returns a number below which no sequence number may be used.
-std::uint64_t stand_by(PairMember& pair) {
+/// process meanwhile. Calls `hangup` at each SIGHUP. Returns a number below which no sequence
+/// number may be used.
+std::uint64_t stand_by(PairMember& pair, const std::function<void()>& hangup) {
   service_manager::notify_ready();
   service_manager::notify_status("standby of its pair");
-  return pair.await_claim([] {
+  return pair.await_claim([&hangup] {
     if (service_manager::watchdog_interval()) service_manager::notify_alive();
+    if (hangup_within(std::chrono::seconds(0))) hangup();
   });
 }
 
@@ -201,7 +203,12 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
   Heartbeats signs(config.pair.has_value());
   const auto pair = config.pair ? std::make_unique<PairMember>(config, settings.boot) : nullptr;
   const LinePermit* const permit = pair ? &pair->permit() : nullptr;
-  const std::uint64_t first_seq = pair ? stand_by(*pair) : 0;
+  auto begin = Reload::Begin::waiting;
+  const auto hangup = [&] {
+    check_local(config, path, remote);
+    begin = Reload::Begin::with_reload;
+  };
+  const std::uint64_t first_seq = pair ? stand_by(*pair, hangup) : 0;
   settings.first_seq = first_seq;
   if (pair)
     settings.is_ours = [member = pair.get()](const std::string& boot) {
@@ -286,7 +293,7 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
                    [&publisher, command = Publisher::Unanswered{std::move(left), topic, reply}](
                        SteadyTime) mutable { publisher.take_unanswered(std::move(command)); });
              }});
-  Reload reload(path, remote, std::move(in_force), field, outbox, publisher);
+  Reload reload(path, remote, std::move(in_force), field, outbox, publisher, begin);
   std::jthread uplink([&](std::stop_token stop) {
     ThreadProgress library("MQTTAsync_");
     run_uplink(publisher, outbox, stop, [&] { report_alive(library, signs); });

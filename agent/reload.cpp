@@ -41,7 +41,40 @@ void set(std::atomic<bool>& done) {
   done.notify_all();
 }
 
+void log_errors(const ConfigErrors& errors, const std::string& path) {
+  for (const ConfigError& error : errors)
+    log::error("config", {{"state", "rejected"}, {"error", to_string(error, path)}});
+}
+
 }  // namespace
+
+bool hangup_within(std::chrono::seconds patience) {
+  const sigset_t signals = hangup();
+  const timespec limit{.tv_sec = patience.count(), .tv_nsec = 0};
+  return sigtimedwait(&signals, nullptr, &limit) == SIGHUP;
+}
+
+void check_local(const Config& running, const std::string& path, const RemoteConfig& remote) {
+  service_manager::notify_reloading();
+  const auto next = remote.read_local();
+  const ConfigErrors errors = next ? needs_restart(running, next->config) : next.error();
+  log_errors(errors, path);
+  if (errors.empty())
+    log::info("config", {{"state", "checked"},
+                         {"hash", next->config.hash},
+                         {"note",
+                          "no errors; this gateway is on standby, and applies the file when it "
+                          "takes over"}});
+  else
+    log::warn("config", {{"state", "rejected"},
+                         {"errors", std::to_string(errors.size())},
+                         {"note",
+                          "this gateway is on standby, and reads the file again when it takes "
+                          "over; if it has an error then, the config of the start is in force"},
+                         {"hash", running.hash}});
+  malloc_trim(0);  // returns the memory that a large file took
+  service_manager::notify_ready();
+}
 
 std::size_t files_needed(const Config& config) {
   const auto links = std::ranges::count_if(
@@ -51,7 +84,7 @@ std::size_t files_needed(const Config& config) {
 }
 
 Reload::Reload(std::string path, RemoteConfig& remote, std::shared_ptr<const Config> running,
-               Field& field, Outbox& outbox, Publisher& publisher)
+               Field& field, Outbox& outbox, Publisher& publisher, Begin begin)
     : path_(std::move(path)),
       remote_(remote),
       running_(std::move(running)),
@@ -65,7 +98,7 @@ Reload::Reload(std::string path, RemoteConfig& remote, std::shared_ptr<const Con
   has_reported_ = remote_.take_left_answer();
   report(Log::always);
   const WithoutSignals quiet;
-  thread_ = std::thread([this] { run(); });
+  thread_ = std::thread([this, begin] { run(begin); });
 }
 
 Reload::~Reload() {
@@ -129,7 +162,8 @@ bool Reload::wait() {
   return heard.si_signo == SIGHUP && heard.si_pid != ::getpid();
 }
 
-void Reload::run() {
+void Reload::run(Begin begin) {
+  if (begin == Begin::with_reload) reload();
   while (true) {
     const bool is_meant = wait();
     if (stopping_) break;
@@ -257,8 +291,7 @@ bool Reload::apply(Config config) {
 // ---- reports ------------------------------------------------------------------------------------
 
 void Reload::reject(const ConfigErrors& errors) {
-  for (const ConfigError& error : errors)
-    log::error("config", {{"state", "rejected"}, {"error", to_string(error, path_)}});
+  log_errors(errors, path_);
   log::warn("config", {{"state", "rejected"},
                        {"errors", std::to_string(errors.size())},
                        {"note", "nothing was changed; the earlier config stays in force"},

@@ -30,10 +30,13 @@ namespace fxagent {
 /// wake() sends the same signal to this thread alone.
 class Reload final {
  public:
+  enum class Begin : std::uint8_t { with_reload, waiting };
+
   /// `running` is the config in force: the file at `path` with the changes of `remote` applied. All
   /// references must outlive this object. Starts its thread; construct it before the uplink runs.
+  /// `with_reload`: hangup_within() has taken a SIGHUP.
   Reload(std::string path, RemoteConfig& remote, std::shared_ptr<const Config> running,
-         Field& field, Outbox& outbox, Publisher& publisher);
+         Field& field, Outbox& outbox, Publisher& publisher, Begin begin);
   /// Calls stop() if necessary and joins the thread. Blocks as long as a read of an unresponsive
   /// file takes.
   ~Reload();
@@ -60,7 +63,7 @@ class Reload final {
   /// Waits for SIGHUP or a timer. True if the signal came from outside this process, and not from
   /// wake().
   bool wait();
-  void run();
+  void run(Begin begin);
   void look_at_news();
   void reload();
   /// Returns nullopt if the config is rejected (already logged) or the agent is stopping.
@@ -95,6 +98,14 @@ class Reload final {
   const std::future<void> end_ = ended_.get_future();
   std::thread thread_;
 };
+
+/// Takes a SIGHUP before a Reload exists. Returns false if none came within `patience`. Main
+/// thread.
+bool hangup_within(std::chrono::seconds patience);
+
+/// Reads and checks the local file, and logs its errors or that it has none. Applies nothing. For
+/// the standby of a pair, whose `running` config is that of its start.
+void check_local(const Config& running, const std::string& path, const RemoteConfig& remote);
 
 /// Returns the number of files and sockets that the agent may have open at once with this config.
 std::size_t files_needed(const Config& config);

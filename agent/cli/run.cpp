@@ -7,7 +7,6 @@
 #include <csignal>
 #include <cstddef>
 #include <cstdint>
-#include <ctime>
 #include <exception>
 #include <optional>
 #include <stdexcept>
@@ -25,6 +24,7 @@
 #include "agent/process/service_manager.h"
 #include "agent/process/stop_watchdog.h"
 #include "agent/process/this_process.h"
+#include "agent/reload.h"
 #include "agent/remote/remote_config.h"
 #include "agent/steady_time.h"
 #include "agent/without_signals.h"
@@ -60,15 +60,6 @@ std::optional<std::vector<std::uint32_t>> traced_links(const Config& config,
     links.push_back(static_cast<std::uint32_t>(found - names.begin()));
   }
   return links;
-}
-
-/// Waits for SIGHUP, which is blocked in every thread. Returns false if none came.
-bool hangup_within(std::chrono::seconds patience) {
-  sigset_t hangup;
-  sigemptyset(&hangup);
-  sigaddset(&hangup, SIGHUP);
-  const timespec limit{.tv_sec = patience.count(), .tv_nsec = 0};
-  return sigtimedwait(&hangup, nullptr, &limit) == SIGHUP;
 }
 
 /// Loads the config, and logs its errors. A gateway of a pair that starts itself anew waits until

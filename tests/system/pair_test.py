@@ -10,7 +10,7 @@ import unittest
 from broker_test import tls_conf
 from chaos_plant import Disk
 from pair_plant import BASE, PairTest, QUIET_MS, SerialBus
-from plant import PATIENCE, free_port, frozen, fxagent, wait_for, write_text
+from plant import PATIENCE, device, free_port, frozen, fxagent, tag, wait_for, write_text
 
 
 class Pair(PairTest):
@@ -279,6 +279,22 @@ class Pair(PairTest):
         gateway.write(right)
         self.role("a", "standby", since)
         self.watcher.wait(f"{BASE}/pair/b", lambda s: s.get("role") == "active" and s["peer"] == "a", since)
+
+    def test_reload_of_the_standby_checks_the_file_and_takes_effect_at_the_takeover(self):
+        self.start_pair()
+        standby = self.agents["b"]
+        right = standby.config | {"devices": [device(tags=[tag("temp", "D100"), tag("extra", "D101")])]}
+        for config, line in ((right | {"devices": [device(link="none")]}, "warning config state=rejected errors=1 note="),
+                             (right | {"pair": {"member": "c"}}, "error config state=rejected error="),
+                             (right, "info config state=checked hash=")):
+            before = standby.logged().count(line)
+            standby.write(config)
+            standby.process.send_signal(signal.SIGHUP)
+            standby.wait_logged(line, times=before + 1)
+        self.assertNotIn("config state=applying", standby.logged())
+        self.agents["a"].stop()
+        standby.wait_logged("config state=applied")
+        self.watcher.wait(f"{BASE}/press1/data/fast", lambda m: "extra" in m["values"])
 
     def test_settings_that_differ_are_named_and_the_longer_one_counts(self):
         self.start_pair(standby={"pair": {"member": "b", "quiet_ms": 400}})
