@@ -213,8 +213,12 @@ void PairMember::keep(BootTime now) {
   log_role();
   log_peer(now);
   send_announcements();
-  if (const std::string fault = state_.take_fault(); !fault.empty())
-    log::error("pair", {{"fault", fault}});
+  for (PairFault next = state_.take_fault(); !next.text.empty(); next = state_.take_fault()) {
+    if (next.is_over)
+      log::info("pair", {{"state", "over"}, {"fault", next.text}});
+    else
+      log::error("pair", {{"fault", next.text}});
+  }
   if (!member_up_ && connect_at_ != BootTime{} && now >= connect_at_) {
     connect_at_ = {};
     member_->connect(server_, kReceiveMaximum);

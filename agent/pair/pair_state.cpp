@@ -16,6 +16,11 @@ constexpr std::size_t kMostSent = 64;
 // The wait between claims that fail doubles up to this many times quiet / 2.
 constexpr int kMostFailures = 5;
 constexpr BootTime kNever = BootTime::max();
+// Two members of one name end each other's session at least once in this time.
+constexpr std::chrono::minutes kNoOtherOfTheName{3};
+// Causes of faults.
+constexpr const char* kThird = "third";
+constexpr const char* kSameName = "name";
 
 }  // namespace
 
@@ -31,9 +36,24 @@ void PairState::enter(PairRole role, std::string why, BootTime now) {
   status_due_ = true;
 }
 
-void PairState::fault(std::string text) {
-  if (faults_.size() >= kMostPeers || !faults_.insert(text).second) return;
-  fault_ = std::move(text);
+void PairState::fault(const std::string& cause, const std::string& text) {
+  const auto known = faults_.find(cause);
+  const bool lasts = known != faults_.end();
+  if (lasts != text.empty() || (!lasts && most_faults_ == 0)) return;
+  fault_news_.push_back({lasts ? known->second : text, lasts});
+  if (lasts) {
+    faults_.erase(known);
+  } else {
+    faults_[cause] = text;
+    --most_faults_;
+  }
+}
+
+PairFault PairState::take_fault() {
+  if (fault_news_.empty()) return {};
+  PairFault next = std::move(fault_news_.front());
+  fault_news_.pop_front();
+  return next;
 }
 
 void PairState::remember(const std::string& boot) {
@@ -52,9 +72,7 @@ void PairState::joined(BootTime now) {
 void PairState::left(bool taken_over) {
   joined_at_.reset();
   peers_.clear();
-  if (taken_over)
-    fault("two gateways are member " + settings_.member +
-          " of this pair: give each its own pair.member");
+  same_name_ = same_name_ || taken_over;
 }
 
 void PairState::heard(const PairStatus& status, BootTime now) {
@@ -65,14 +83,17 @@ void PairState::heard(const PairStatus& status, BootTime now) {
     return;
   }
   remember(status.boot);
-  if (status.quiet != nanoseconds(0) && status.quiet != settings_.quiet) {
+  const std::string quiet = "quiet_ms of member " + status.member;
+  if (status.quiet == settings_.quiet) {
+    if (status.role != "offline") fault(quiet, {});
+  } else if (status.quiet != nanoseconds(0)) {
     const nanoseconds longer = std::max(nanoseconds(0), status.quiet - quiet_);
     quiet_ += longer;
     if (role_ == PairRole::claiming) opens_at_ += longer;
     if (status.role != "offline")
-      fault("quiet_ms of member " + status.member + " is " + whole_ms(status.quiet) +
-            ", and of member " + settings_.member + " " + whole_ms(settings_.quiet) +
-            ": make them equal; until then both wait for the longer one");
+      fault(quiet, quiet + " is " + whole_ms(status.quiet) + ", and of member " + settings_.member +
+                       " " + whole_ms(settings_.quiet) +
+                       ": make them equal; until then both wait for the longer one");
   }
   if (status.role == "offline") {
     if (gone_.size() < kMostBoots) gone_.insert(status.boot);
@@ -85,9 +106,7 @@ void PairState::heard(const PairStatus& status, BootTime now) {
   gone_.erase(status.boot);  // only its session had ended
   // A text from before our own is that of an earlier process.
   if (status.member == settings_.member) {
-    if (own_status_came_)
-      fault("two gateways are member " + settings_.member +
-            " of this pair: give each its own pair.member");
+    same_name_ = same_name_ || own_status_came_;
     return;
   }
   std::erase_if(peers_, [&](const auto& each) {
@@ -115,8 +134,8 @@ void PairState::judge_third(BootTime now) {
   if (all.size() >= 2) {
     std::string names;
     for (const std::string& name : all) names += (names.empty() ? "" : ", ") + name;
-    fault("a pair has two gateways, and besides member " + settings_.member + " there are " +
-          names + ": stop one, or give it another agent.id");
+    fault(kThird, "a pair has two gateways, and besides member " + settings_.member +
+                      " there are " + names + ": stop one, or give it another agent.id");
   }
   const bool was = third_;
   if (others.size() < 2) third_ = false;
@@ -210,6 +229,17 @@ void PairState::has_claimed() {
 
 std::vector<PairState::Order> PairState::step(BootTime now) {
   std::vector<Order> orders;
+  if (std::exchange(same_name_, false)) {
+    same_name_at_ = now;
+    fault(kSameName, "two gateways are member " + settings_.member +
+                         " of this pair: give each its own pair.member");
+  }
+  if (knows_peer(now)) {
+    std::set<std::string> members;
+    for (const auto& [boot, peer] : peers_) members.insert(peer.member);
+    if (members.size() < 2) fault(kThird, {});
+    if (now >= same_name_at_ + kNoOtherOfTheName) fault(kSameName, {});
+  }
   if (role_ == PairRole::claiming && agent_runs_ && now >= opens_at_ && now < holds_until_)
     enter(PairRole::active, why_, now);
   if (const auto at = claim_at(); at && now >= *at) {

@@ -12,7 +12,9 @@
 #pragma once
 
 #include <chrono>
+#include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <map>
 #include <optional>
 #include <set>
@@ -46,6 +48,12 @@ struct PairStatus {
   std::string why{};
   std::string peer{};
   std::int64_t since_ms = 0;
+};
+
+/// A fault that a person must repair. It is named when it begins and when it is over.
+struct PairFault {
+  std::string text{};  ///< empty: there is none
+  bool is_over = false;
 };
 
 class PairState final {
@@ -101,14 +109,15 @@ class PairState final {
   BootTime opens_at() const { return opens_at_; }
   /// Highest number of all heartbeats so far.
   std::uint64_t highest_seq() const { return highest_seq_; }
-  /// Returns a fault that a person must repair; once for each. Empty: none.
-  std::string take_fault() { return std::exchange(fault_, {}); }
+  /// Returns the next fault that has begun or is over.
+  PairFault take_fault();
   /// True for the boot of another gateway of this pair, or of an earlier process of this one.
   bool knows(const std::string& boot) const { return boots_.contains(boot); }
 
  private:
   void enter(PairRole role, std::string why, BootTime now);
-  void fault(std::string text);
+  /// Names the fault with this cause, if it has not lasted before. An empty text: it is over.
+  void fault(const std::string& cause, const std::string& text);
   void judge_third(BootTime now);
   void remember(const std::string& boot);
   /// Returns the time from which this gateway may claim; nullopt: an event must come first.
@@ -138,8 +147,11 @@ class PairState final {
   std::string holder_;  ///< boot of the last foreign heartbeat; empty: gone
   BootTime holder_heard_at_{};
   std::uint64_t highest_seq_ = 0;
-  std::string fault_;             ///< not taken yet
-  std::set<std::string> faults_;  ///< reported in this member session
+  std::map<std::string, std::string> faults_;  ///< texts of those that last, by cause
+  std::deque<PairFault> fault_news_;           ///< not taken yet
+  std::size_t most_faults_ = 256;  ///< that may still be named: others may send any text
+  bool same_name_ = false;         ///< another member of this name, since the last step
+  BootTime same_name_at_{};        ///< the last step with one
 
   bool connecting_ = false;
   BootTime not_before_{};  ///< of the next claim

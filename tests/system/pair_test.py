@@ -316,6 +316,7 @@ class Pair(PairTest):
         self.agents["a"].stop(signal.SIGKILL, expected=None)
         self.polls("b", time.monotonic())
         self.assertIsNone(self.masters.last("c"))
+        self.agents["b"].wait_logged('info pair state=over fault="a pair has two gateways')
 
     def test_two_gateways_of_one_name_are_named(self):
         self.start_pair()

@@ -134,7 +134,7 @@ TEST(PairState, OnlyAHeartbeatAfterTheClaimPermitsRequests) {
 TEST(PairState, LongerSettingOfTheOtherCountsAndIsNamed) {
   JoinedGateway b("b", "boot-b");
   b.state.heard({"a", "boot-a", "active", false, 2 * kQuiet}, at(0));
-  EXPECT_EQ(b.state.take_fault(),
+  EXPECT_EQ(b.state.take_fault().text,
             "quiet_ms of member a is 2400, and of member b 1200: make them equal; until then both "
             "wait for the longer one");
   b.state.heard_heartbeat("boot-a", 5, at(0));
@@ -149,7 +149,7 @@ TEST(PairState, LongerSettingOfTheOtherCountsAndIsNamed) {
 TEST(PairState, SettingOfAGatewayThatHasEndedCounts) {
   JoinedGateway b("b", "boot-b");
   b.state.heard({"a", "boot-a", "offline", false, 2 * kQuiet}, at(0));
-  EXPECT_EQ(b.state.take_fault(), "") << "its file may be right by now";
+  EXPECT_EQ(b.state.take_fault().text, "") << "its file may be right by now";
   b.claim(1300);
   EXPECT_EQ(b.state.opens_at(), at(1300 + 2400));
 }
@@ -215,7 +215,7 @@ TEST(PairState, WithoutItsMemberSessionAGatewayClaimsNothing) {
   JoinedGateway a;
   a.state.left(false);
   EXPECT_FALSE(a.steps(100000, Order::connect_lease));
-  EXPECT_EQ(a.state.take_fault(), "");
+  EXPECT_EQ(a.state.take_fault().text, "");
 }
 
 TEST(PairState, LowerNameClaimsFirstIfBothStart) {
@@ -234,8 +234,8 @@ TEST(PairState, ThirdGatewayIsNamedAndNeverClaims) {
   c.state.heard({"a", "boot-a", "active"}, at(1));
   c.state.heard({"b", "boot-b", "standby"}, at(2));
   EXPECT_TRUE(c.state.is_third());
-  EXPECT_NE(c.state.take_fault().find("a, b"), std::string::npos);
-  EXPECT_EQ(c.state.take_fault(), "") << "once";
+  EXPECT_NE(c.state.take_fault().text.find("a, b"), std::string::npos);
+  EXPECT_EQ(c.state.take_fault().text, "") << "once";
   EXPECT_FALSE(c.steps(60000, Order::connect_lease));
   c.state.heard({"a", "boot-a", "offline"}, at(60001));
   EXPECT_FALSE(c.state.is_third()) << "it is the second now";
@@ -249,7 +249,7 @@ TEST(PairState, MembersOfAPairStayWhatTheyAreWhenAThirdOneComes) {
   b.state.heard_heartbeat("boot-a", 0, at(9990));
   b.state.heard({"0", "boot-0", "standby"}, at(10000));
   EXPECT_FALSE(b.state.is_third());
-  EXPECT_NE(b.state.take_fault().find("0, a"), std::string::npos);
+  EXPECT_NE(b.state.take_fault().text.find("0, a"), std::string::npos);
   b.state.heard({"0", "boot-0", "standby", true}, at(10001));
   b.state.heard({"a", "boot-a", "offline"}, at(10002));
   EXPECT_TRUE(b.steps(10002, Order::connect_lease));
@@ -258,13 +258,49 @@ TEST(PairState, MembersOfAPairStayWhatTheyAreWhenAThirdOneComes) {
 TEST(PairState, TwoGatewaysOfOneNameAreNamed) {
   JoinedGateway a("a", "boot-1");
   a.state.heard({"a", "boot-0", "active"}, at(1));
-  EXPECT_EQ(a.state.take_fault(), "") << "an earlier process may have left it";
+  EXPECT_EQ(a.state.take_fault().text, "") << "an earlier process may have left it";
   a.state.heard({"a", "boot-1", "standby"}, at(2));
   a.state.heard({"a", "boot-2", "standby"}, at(3));
-  EXPECT_NE(a.state.take_fault().find("pair.member"), std::string::npos);
+  a.state.step(at(3));
+  EXPECT_NE(a.state.take_fault().text.find("pair.member"), std::string::npos);
   JoinedGateway other("a", "boot-2");
   other.state.left(true);
-  EXPECT_NE(other.state.take_fault().find("pair.member"), std::string::npos);
+  other.state.step(at(3));
+  EXPECT_NE(other.state.take_fault().text.find("pair.member"), std::string::npos);
+}
+
+TEST(PairState, FaultsAreNamedWhenTheyAreOver) {
+  const auto expect_over = [](Gateway& gateway, const std::string& words) {
+    const PairFault fault = gateway.state.take_fault();
+    EXPECT_TRUE(fault.is_over && fault.text.find(words) != std::string::npos) << fault.text;
+    EXPECT_EQ(gateway.state.take_fault().text, "");
+  };
+  JoinedGateway b("b", "boot-b");
+  b.state.heard({"a", "boot-1", "active", false, 2 * kQuiet}, at(1));
+  EXPECT_FALSE(b.state.take_fault().is_over);
+  b.state.heard({"a", "boot-1", "offline", false, 2 * kQuiet}, at(2));
+  EXPECT_EQ(b.state.take_fault().text, "") << "its file may still be wrong";
+  b.state.heard({"a", "boot-2", "standby", false, kQuiet}, at(3));
+  expect_over(b, "quiet_ms of member a is 2400");
+
+  b.state.heard({"c", "boot-c", "standby"}, at(4));
+  EXPECT_NE(b.state.take_fault().text.find("a, c"), std::string::npos);
+  b.state.left(false);
+  b.state.joined(at(10000));
+  b.state.step(at(10001));
+  EXPECT_EQ(b.state.take_fault().text, "") << "their statuses may still come";
+  b.state.heard({"a", "boot-2", "active", false, kQuiet}, at(10002));
+  b.state.step(at(13000));
+  expect_over(b, "a pair has two gateways");
+
+  b.state.left(true);
+  b.state.joined(at(20000));
+  b.state.step(at(20000));
+  EXPECT_NE(b.state.take_fault().text.find("pair.member"), std::string::npos);
+  b.state.step(at(199999));
+  EXPECT_EQ(b.state.take_fault().text, "");
+  b.state.step(at(200000));
+  expect_over(b, "pair.member");
 }
 
 TEST(PairState, KnowsTheBootsOfThePair) {
