@@ -81,6 +81,14 @@ class Programs(PlantTest):
         self.assertIn("must not contain a user or a password", errors)
         self.assertNotIn("hunter2", errors)
 
+    def test_check_reminds_of_the_cluster_that_a_pair_with_several_servers_needs(self):
+        servers = ["mqtt://127.0.0.1:1", "mqtt://127.0.0.1:2"]
+        more = {"pair": {"member": "a"}, "store": {"path": os.path.join(self.directory, "store")}}
+        for count, reminders in ((1, 0), (2, 1)):
+            status, out, errors = fxagent("check", self.config(mqtt={"servers": servers[:count]}, **more))
+            self.assertEqual((status, out.count("a pair with 2 mqtt.servers needs a cluster")), (0, reminders), errors)
+        self.assertNotIn("cluster", fxagent("check", self.config(mqtt={"servers": servers}))[1])
+
     def test_decode_explains_frames_and_judges_their_sums(self):
         def decode(*arguments):
             return fxagent_json("decode", "fx-programming-port", *arguments)

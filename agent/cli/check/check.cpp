@@ -143,6 +143,11 @@ int run_check(const std::string& path, const CheckQuestion& what) {
   std::cout << path << ": valid: " << counts(*config) << '\n';
   if (config->remote.enabled)
     std::cout << path << ": a remote config may set: " << to_string(config->remote) << '\n';
+  if (config->pair && config->mqtt.servers.size() > 1)
+    std::cout
+        << path << ": a pair with " << config->mqtt.servers.size()
+        << " mqtt.servers needs a cluster: if these are separate brokers, both gateways become "
+           "active; then keep one server\n";
   if (!what.target.empty()) return check_for_target(path, *config, what.target);
   return what.online ? run_online_check(*config, path, /*as_json=*/false) : 0;
 }
