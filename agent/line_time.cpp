@@ -22,21 +22,25 @@ LineCost cost_of(const DeviceConfig& device, nanoseconds char_time, nanoseconds 
   return {char_time, turnaround + device.gap};
 }
 
-Plan reads_of(const Codec& codec, const DeviceConfig& device, const Point& point, Holes refused) {
-  refused.missing.clear();
-  // Assume no multi-block reads: the device may lack them, and only polls find that out.
-  refused.gather_limits.clear();
-  for (const GatherCommand& command : codec.addresses().gathers())
-    refused.gather_limits.push_back({command.gather, 0});
+Plan reads_of(const Codec& codec, const DeviceConfig& device, const Point& point,
+              std::span<const Holes::Limit> limits) {
   const std::span only(&point, 1);
-  Plan plan = make_plan(codec, only, LineCost{}, device.max_block_bytes, refused);
-  if (!plan.reads.empty()) return plan;
-  return make_plan(codec, only, LineCost{}, device.max_block_bytes);
+  const auto plan_with = [&](const Holes& holes) {
+    return make_plan(codec, only, LineCost{}, device.max_block_bytes, holes);
+  };
+  Holes holes;
+  holes.limits.assign(limits.begin(), limits.end());
+  // Assume no multi-block reads: the device may lack them, and only polls find that out.
+  for (const GatherCommand& command : codec.addresses().gathers())
+    holes.gather_limits.push_back({command.gather, 0});
+  if (Plan plan = plan_with(holes); !plan.reads.empty()) return plan;
+  holes.gather_limits.clear();
+  return plan_with(holes);
 }
 
 nanoseconds read_time(const Codec& codec, const DeviceConfig& device, const Point& point,
-                      const Holes& refused, const LineTiming& timing) {
-  return poll_time(codec, reads_of(codec, device, point, refused), timing);
+                      std::span<const Holes::Limit> limits, const LineTiming& timing) {
+  return poll_time(codec, reads_of(codec, device, point, limits), timing);
 }
 
 nanoseconds poll_time(const Codec& codec, const Plan& plan, const LineTiming& timing) {

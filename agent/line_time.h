@@ -32,12 +32,12 @@ LineCost cost_of(const DeviceConfig& device, std::chrono::nanoseconds char_time,
 std::chrono::nanoseconds poll_time(const Codec& codec, const Plan& plan, const LineTiming& timing);
 
 /// Returns the reads of `point` alone, as a command sends them: one read a request if the device
-/// allows it. `refused` is what the device has refused in polls; what was missing then is read all
-/// the same.
-Plan reads_of(const Codec& codec, const DeviceConfig& device, const Point& point, Holes refused);
+/// allows it. `limits` are the longest reads that polls have found the device to answer.
+Plan reads_of(const Codec& codec, const DeviceConfig& device, const Point& point,
+              std::span<const Holes::Limit> limits);
 /// Returns the bus time of reads_of().
 std::chrono::nanoseconds read_time(const Codec& codec, const DeviceConfig& device,
-                                   const Point& point, const Holes& refused,
+                                   const Point& point, std::span<const Holes::Limit> limits,
                                    const LineTiming& timing);
 
 /// Returns the bus time of commands sent in sequence, each preceded by the read that it requires.

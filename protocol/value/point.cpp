@@ -27,7 +27,7 @@ std::string types_of(const Address& address) {
     case Unit::long_count:
       return "uint32 or int32";
     case Unit::word:
-      return "int16 or another number, or string";
+      return "a number or string";
     default:
       return std::string(to_string(default_type(address)));
   }

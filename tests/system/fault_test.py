@@ -183,7 +183,8 @@ class Faults(PlantTest):
         state = self.state("press2", "degraded")
         self.assertEqual(state["reason"], "nak")
         self.assertEqual(state["reason_text"],
-                         "tag b at D900: the device refuses the address; compare it with the device")
+                         "tag b at D900: the device refuses to read it, for a reason in the log; does the device have "
+                         "the address?")
         since = self.watcher.mark()
         self.watcher.wait_count(f"{BASE}/press2/data/fast", 10, lambda m: "bad" in m, since)
         for message in self.messages(since=since):

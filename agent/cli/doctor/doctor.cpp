@@ -210,7 +210,7 @@ void judge_read(ExaminedDevice& examined, const PlannedRead& planned,
       examined.codec->addresses().name_of({whole.span.space, whole.span.first_bit, 1});
   diagnosis.note("a read of " + bytes_text(whole.span.bits) + " at " + place +
                  " is refused: " + answer.text);
-  if (const std::uint32_t fits = examined.answered_in_parts(whole); fits != 0)
+  if (const std::uint32_t fits = examined.answered_in_parts(whole, sizes.limit); fits != 0)
     sizes.limit = sizes.limit == 0 ? fits : std::min(sizes.limit, fits);
   else
     for (const std::uint32_t each : planned.points)

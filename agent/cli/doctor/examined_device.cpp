@@ -68,7 +68,8 @@ std::optional<std::uint64_t> ExaminedDevice::word_at(std::string_view name) cons
   return image ? std::optional(bits_at(*image, 0, address->span.bits)) : std::nullopt;
 }
 
-std::uint32_t ExaminedDevice::answered_in_parts(const Read& whole) const {
+std::uint32_t ExaminedDevice::answered_in_parts(const Read& whole, std::uint32_t usual) const {
+  if (usual != 0 && answers_in_parts(*this, whole, usual)) return usual;
   std::uint32_t answered = 0;
   std::uint32_t too_long = (whole.span.bits + kWordBits - 1) / kWordBits;
   while (too_long - answered > 1) {

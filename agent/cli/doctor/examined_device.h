@@ -40,8 +40,9 @@ struct ExaminedDevice {
   /// or if it cannot be read.
   std::optional<std::uint64_t> word_at(std::string_view name) const;
   /// Returns the largest parts in which a refused read is answered, in bits: whole words. 0: there
-  /// are none, because some of it does not exist.
-  std::uint32_t answered_in_parts(const Read& whole) const;
+  /// are none, because some of it does not exist. `usual` is tried first, and is enough; 0:
+  /// unknown.
+  std::uint32_t answered_in_parts(const Read& whole, std::uint32_t usual) const;
 };
 
 }  // namespace fxagent

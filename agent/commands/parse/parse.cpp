@@ -473,15 +473,16 @@ LinkCommand parse_link_command(std::string_view payload) {
     if (op != nullptr && op->is_string())
       command.op_text = op->get<std::string>().substr(0, kMaxOpKept);
     const bool yields = command.op_text == "yield";
-    if (!yields && command.op_text != "resume")
-      faults.add(Reason::bad_op, "a link knows the ops yield and resume");
+    const bool is_known = yields || command.op_text == "resume";
+    if (!is_known)
+      faults.add(Reason::bad_op,
+                 "this topic takes yield and resume; a device has a topic of its own");
     for (const auto& [key, value] : json->items()) {
-      const bool is_known = key == "id" || key == "op" || key == "by" || key == "expires" ||
-                            (key == "minutes" && yields);
-      if (!is_known && !value.is_null())
-        faults.add(Reason::bad_json, "key " + in_quotes(key) + " does not go with " +
-                                         (yields ? "yield" : "resume") +
-                                         "; this topic is a link's, a device has its own");
+      const bool fits = key == "id" || key == "op" || key == "by" || key == "expires" ||
+                        (key == "minutes" && yields);
+      if (is_known && !fits && !value.is_null())
+        faults.add(Reason::bad_json,
+                   "key " + in_quotes(key) + " does not go with " + command.op_text);
     }
     const Json* minutes = given(*json, "minutes");
     if (minutes != nullptr && minutes->is_number_integer() && *minutes >= 1 &&

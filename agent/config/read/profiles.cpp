@@ -190,10 +190,9 @@ void read_profiles(ConfigReader& reader, const ConfigNode& list, Config& config)
     if (profile.kind == ProfileConfig::Kind::thingsboard) {
       if (const auto fault = key_fault(config)) reader.error(node, *fault);
       if (profile.broker.empty())
-        reader.warn(
-            node,
-            "ThingsBoard does not accept the topics of json: add it to brokers, and name it "
-            "in \"broker\"");
+        reader.warn(node,
+                    "ThingsBoard does not accept the topics of json: if the broker of mqtt is "
+                    "ThingsBoard, move it to brokers, and name it in \"broker\"");
     }
     reader.set_integer(profile.deadline, node, config_key("profiles[].deadline_s"));
     if (!names.insert(name_of(profile)).second)

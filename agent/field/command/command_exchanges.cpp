@@ -61,13 +61,13 @@ struct StopWaiting {
 }  // namespace
 
 CommandExchanges::CommandExchanges(asio::any_io_executor executor, Bus& bus, Station& station,
-                                   const DeviceConfig& device, const Holes& refused,
+                                   const DeviceConfig& device, std::span<const Holes::Limit> limits,
                                    const AdmittedCommand& admitted, BusSharing& sharing)
     : timer_(executor),
       bus_(bus),
       station_(station),
       device_(device),
-      refused_(refused),
+      limits_(limits),
       admitted_(admitted),
       sharing_(sharing) {}
 
@@ -178,7 +178,7 @@ asio::awaitable<Exchange> CommandExchanges::ask(Request request, SteadyTime not_
 asio::awaitable<CommandExchanges::ReadBack> CommandExchanges::read_point(
     const AdmittedTarget& target, SteadyTime not_after) {
   ReadBack out;
-  const Plan plan = reads_of(*station_.codec, device_, target.point, refused_);
+  const Plan plan = reads_of(*station_.codec, device_, target.point, limits_);
   std::vector<Bytes> images(plan.reads.size());
   for (std::uint32_t e = 0; e < plan.exchange_count(); ++e) {
     const ReadIndices reads = plan.exchanges[e];

@@ -8,6 +8,7 @@
 #include <chrono>
 #include <cstddef>
 #include <optional>
+#include <span>
 
 #include "agent/commands/admitted_command.h"
 #include "agent/config/model.h"
@@ -48,7 +49,7 @@ class CommandExchanges final {
 
   /// Arguments as for CommandExecution.
   CommandExchanges(asio::any_io_executor executor, Bus& bus, Station& station,
-                   const DeviceConfig& device, const Holes& refused,
+                   const DeviceConfig& device, std::span<const Holes::Limit> limits,
                    const AdmittedCommand& admitted, BusSharing& sharing);
 
   /// The effect that an exchange is meant to have on the device.
@@ -104,7 +105,7 @@ class CommandExchanges final {
   Bus& bus_;
   Station& station_;
   const DeviceConfig& device_;
-  const Holes& refused_;
+  std::span<const Holes::Limit> limits_;
   const AdmittedCommand& admitted_;
   BusSharing& sharing_;
   std::optional<SteadyTime> first_byte_;

@@ -140,12 +140,12 @@ void summarise(CommandResult& result) {
 }  // namespace
 
 CommandExecution::CommandExecution(asio::any_io_executor executor, Bus& bus, Station& station,
-                                   const DeviceConfig& device, const Holes& refused,
+                                   const DeviceConfig& device, std::span<const Holes::Limit> limits,
                                    const AdmittedCommand& admitted, BusSharing& sharing)
     : station_(station),
       admitted_(admitted),
       sharing_(sharing),
-      wire_(executor, bus, station, device, refused, admitted, sharing),
+      wire_(executor, bus, station, device, limits, admitted, sharing),
       result_(result_of(admitted.command)) {}
 
 asio::awaitable<CommandResult> CommandExecution::run() {
@@ -250,8 +250,9 @@ asio::awaitable<bool> CommandExecution::read_first(const AdmittedTarget& target,
     }
     co_return true;
   }
-  const auto value = unpack(target.point, *got.image, span_of(target.point)->first_bit);
-  const std::string why = value ? "the value differs from expect" : value.error().text;
+  const std::string why =
+      found.read ? "the value differs from expect"
+                 : unpack(target.point, *got.image, span_of(target.point)->first_bit).error().text;
   out.verify = std::move(found);
   out.verify->match = false;
   set(out, CommandStatus::failed, Reason::expect_mismatch, "nothing was written: " + why);

@@ -4,6 +4,7 @@
 
 #include <asio/awaitable.hpp>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -18,9 +19,9 @@ namespace fxagent {
 
 class CommandExecution final {
  public:
-  /// All arguments must outlive run(). `refused` is what the device has refused in polls.
+  /// All arguments must outlive run(). `limits` as for reads_of().
   CommandExecution(asio::any_io_executor executor, Bus& bus, Station& station,
-                   const DeviceConfig& device, const Holes& refused,
+                   const DeviceConfig& device, std::span<const Holes::Limit> limits,
                    const AdmittedCommand& admitted, BusSharing& sharing);
 
   /// Returns the result, complete except for its bound. Opens the channel if it is closed.

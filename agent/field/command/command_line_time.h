@@ -3,6 +3,7 @@
 #pragma once
 
 #include <chrono>
+#include <span>
 
 #include "agent/commands/admitted_command.h"
 #include "agent/config/model.h"
@@ -15,10 +16,11 @@ namespace fxagent {
 inline constexpr std::chrono::milliseconds kRunStateVerifiedWithin{2000};
 
 /// Stores in `admitted` the line time of each target and, if the line speed is known, of all its
-/// exchanges. `refused` is what the device has refused in polls. Returns the time of all its
+/// exchanges. `limits` as for reads_of(). Returns the time of all its
 /// exchanges if each ends well, with the time in which RUN and STOP are verified.
 std::chrono::nanoseconds set_line_times(const Codec& codec, const DeviceConfig& device,
-                                        const Holes& refused, std::chrono::nanoseconds char_time,
+                                        std::span<const Holes::Limit> limits,
+                                        std::chrono::nanoseconds char_time,
                                         AdmittedCommand& admitted);
 
 /// True if others run between the exchanges of this target: an array that takes longer than 2 s.

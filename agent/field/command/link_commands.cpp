@@ -58,7 +58,8 @@ void LinkCommands::add(AdmittedCommand admitted, LinkDevice& device) {
   command.admitted = std::move(admitted);
   command.admitted.queued = Clock::now();
   command.device = &device;
-  command.line_time = set_line_times(*command.admitted.codec, device.config, device.refused(),
+  if (device.holes) command.read_limits = device.holes->holes().limits;
+  command.line_time = set_line_times(*command.admitted.codec, device.config, command.read_limits,
                                      link_.config.char_time, command.admitted);
   command.admitted.bound = bound_of(command);
   waiting_.push_back(std::move(command));
@@ -223,7 +224,7 @@ asio::awaitable<void> LinkCommands::run_next() {
   FrameTrace trace;
   station.trace = &trace;
   Sharing sharing(*this, running);
-  CommandExecution execution(executor_, link_.bus, station, device.config, device.refused(),
+  CommandExecution execution(executor_, link_.bus, station, device.config, running.read_limits,
                              admitted, sharing);
   CommandResult result = co_await execution.run();
   failpoint("command_answered");

@@ -7,6 +7,7 @@
 #include <chrono>
 #include <list>
 #include <optional>
+#include <vector>
 
 #include "agent/commands/admitted_command.h"
 #include "agent/field/link/link_device.h"
@@ -21,6 +22,8 @@ namespace fxagent {
 struct WaitingCommand {
   AdmittedCommand admitted;
   LinkDevice* device = nullptr;
+  /// What polls had found when its bound was set: it sends no more reads than that.
+  std::vector<Holes::Limit> read_limits{};
   std::chrono::nanoseconds line_time{0};
 };
 

@@ -10,6 +10,8 @@ namespace {
 
 // A device stays degraded this long after a bad value. By the wall clock, which may be set.
 constexpr std::int64_t kBadValueMs = 10'000;
+// Tags may be bad in turn: another one is named at most this often.
+constexpr std::int64_t kNameEveryMs = 10'000;
 
 }  // namespace
 
@@ -45,8 +47,10 @@ void DeviceState::set_model(const std::optional<std::string>& model) {
 }
 
 std::optional<DeviceState::Change> DeviceState::update(const Facts& facts, std::int64_t now_ms) {
-  if (facts.first_bad == BadReason::bad_value) bad_value_ms_ = now_ms;
-  if (facts.first_bad) bad_tag_ = facts.bad_tag;
+  if (facts.first_bad == BadReason::bad_value) {
+    bad_value_ms_ = now_ms;
+    bad_value_tag_ = facts.bad_tag;
+  }
   const bool had_bad_value = bad_value_ms_ && std::abs(now_ms - *bad_value_ms_) < kBadValueMs;
   DeviceStatus status = reported_;
   status.model = model_;
@@ -78,7 +82,10 @@ std::optional<DeviceState::Change> DeviceState::update(const Facts& facts, std::
   } else if (facts.first_bad || had_bad_value) {
     status.state = DeviceStatus::State::degraded;
     status.reason = to_string(facts.first_bad.value_or(BadReason::bad_value));
-    status.reason_text = bad_tag_;
+    status.reason_text = facts.first_bad ? facts.bad_tag : bad_value_tag_;
+    const bool is_same = status.state == reported_.state && status.reason == reported_.reason;
+    if (is_same && std::abs(now_ms - text_ms_) < kNameEveryMs)
+      status.reason_text = reported_.reason_text;
   }
   const bool is_other_model = !model_configured_.empty() && model_ != model_configured_;
   status.model_configured = is_other_model ? model_configured_ : "";
@@ -88,6 +95,7 @@ std::optional<DeviceState::Change> DeviceState::update(const Facts& facts, std::
   const bool other_state = starting_ || status.state != reported_.state;
   if (!starting_ && status == reported_) return std::nullopt;
   if (other_state) status.since_ms = now_ms;
+  if (status.reason_text != reported_.reason_text) text_ms_ = now_ms;
   starting_ = false;
   reported_ = status;
   return Change{std::move(status), other_state};

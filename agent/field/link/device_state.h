@@ -21,7 +21,7 @@ class DeviceState final {
     std::string yielded{};      ///< until when the port is another program's; empty: it is ours
     std::string why_offline{};  ///< why the bus is closed or the device is silent, for people
     std::optional<BadReason> first_bad;  ///< of its tags, from their last cycles
-    std::string bad_tag{};               ///< which tag that is and what to do, for people
+    std::string bad_tag{};               ///< its name and what to do, for people
   };
   struct Change {
     DeviceStatus status;
@@ -67,7 +67,8 @@ class DeviceState final {
   bool model_unclear_ = false;
   bool answered_once_ = false;
   std::optional<std::int64_t> bad_value_ms_;  ///< time of the last bad_value
-  std::string bad_tag_;                       ///< the last one, for people
+  std::string bad_value_tag_;                 ///< its tag, for people
+  std::int64_t text_ms_ = 0;                  ///< time of the last change of the reported text
   bool starting_ = true;                      ///< only "starting" was reported so far
   std::optional<bool> run_;
   std::string model_;

@@ -36,7 +36,8 @@ std::uint32_t holes_version(const LinkDevice& device) {
 Plan GroupPlans::plan_of(const LinkDevice& device, const GroupPoll& group,
                          const std::vector<Point>& points) const {
   const LineCost cost = cost_of(device.config, link_.config.char_time, group.turnaround);
-  return make_plan(*device.codec, points, cost, device.config.max_block_bytes, device.refused());
+  return make_plan(*device.codec, points, cost, device.config.max_block_bytes,
+                   device.holes ? device.holes->holes() : Holes{});
 }
 
 void GroupPlans::make(LinkDevice& device, GroupPoll& group) {

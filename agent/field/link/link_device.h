@@ -100,11 +100,6 @@ struct LinkDevice {
   /// Logs the first bytes that came in place of an answer and what they look like, once a day for
   /// each cause.
   void log_foreign_bytes(const Exchange& exchange);
-  /// Returns what it has refused in polls.
-  const Holes& refused() const {
-    static const Holes kNone;
-    return holes == nullptr ? kNone : holes->holes();
-  }
   HoleMap& found_holes() {
     if (holes == nullptr) holes = std::make_unique<HoleMap>();
     return *holes;

@@ -33,15 +33,15 @@ constexpr std::chrono::seconds kAtOnceEvery{10};
 // A recurring doubt is logged at most this often; each one is counted.
 constexpr std::chrono::seconds kDoubtLoggedEvery{60};
 
-/// Returns which tag is bad, why, and what to do.
+/// Returns the name of a bad tag, the reason and what to do.
 std::string text_of(const TagConfig& tag, BadReason why) {
   constexpr auto kTexts = std::to_array<std::string_view>(
       {"its last read was not answered",
-       "the device refuses the address; compare it with the device",
+       "the device refuses to read it, for a reason in the log; does the device have the address?",
        "its last answers were damaged; look for noise, a wrong parity or a second master",
        "the line was lost during its last read",
        "the model lacks the address, or is not known yet; set model, or correct the address",
-       "what the device has there is no value of its type; correct type or word_order"});
+       "its bytes are no valid value of its type; correct type or word_order"});
   static_assert(kTexts.size() == static_cast<std::size_t>(BadReason::bad_value) + 1);
   return "tag " + std::string(tag.name) + " at " + std::string(tag.point.address.text) + ": " +
          std::string(kTexts[static_cast<std::size_t>(why)]);

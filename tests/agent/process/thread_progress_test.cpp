@@ -29,6 +29,8 @@ class Worker {
             began_.release();
             go_.acquire();
             if (over_) return;
+            // A switch in each turn, even if the thread did not have to wait for it.
+            std::this_thread::sleep_for(1us);
           }
         }) {
     began_.acquire();

@@ -30,7 +30,7 @@ struct CommandExchangesTest : ScriptedBusTest {
     target.point = tag(*device.codec, "setpoint", "D200").point;
     admitted.deadline = Clock::now() + std::chrono::hours(1);
     write = plan_write(*device.codec, target.point, word(50)).value().at(0);
-    exchanges = std::make_unique<CommandExchanges>(io.get_executor(), *bus, station, device, holes,
+    exchanges = std::make_unique<CommandExchanges>(io.get_executor(), *bus, station, device, limits,
                                                    admitted, others);
   }
   Exchange send(bool may_repeat = true) {
@@ -38,7 +38,7 @@ struct CommandExchangesTest : ScriptedBusTest {
   }
 
   DeviceConfig device = port_device();
-  Holes holes;  ///< found by polls
+  std::vector<Holes::Limit> limits;  ///< found by polls
   AdmittedCommand admitted;
   AdmittedTarget target;
   Request write;

@@ -95,7 +95,7 @@ struct CommandExecutionTest : ScriptedBusTest {
   }
   CommandResult run(const AdmittedCommand& admitted) {
     Others others;
-    CommandExecution execution(io.get_executor(), *bus, station, device, holes, admitted, others);
+    CommandExecution execution(io.get_executor(), *bus, station, device, limits, admitted, others);
     CommandResult result = run_on(io, execution.run());
     was_answered = execution.exchanges().was_answered();
     was_unanswered = execution.exchanges().was_unanswered();
@@ -103,7 +103,7 @@ struct CommandExecutionTest : ScriptedBusTest {
   }
 
   DeviceConfig device = port_device();
-  Holes holes;  ///< found by polls
+  std::vector<Holes::Limit> limits;  ///< found by polls
   CommandAdmission admission{device};
   std::function<void(AdmittedCommand&)> before_sending;
   bool was_answered = false;
@@ -822,7 +822,7 @@ TEST_F(CommandExecutionTest, LineTimeCountsEachReadingOfACommand) {
     command.verify = verify;
     command.expect = std::move(expect);
     auto decision = admission.admit(std::move(command), device.codec, 0, Clock::now());
-    return set_line_times(*device.codec, device, holes, character,
+    return set_line_times(*device.codec, device, limits, character,
                           std::get<AdmittedCommand>(decision));
   };
   const nanoseconds write_alone = planned("1", false, std::nullopt);

@@ -53,7 +53,7 @@ struct CommandOnTheBusTest : ScriptedBusTest {
       return *refused;
     }
     Others others;
-    CommandExecution execution(io.get_executor(), *bus, station, device, holes,
+    CommandExecution execution(io.get_executor(), *bus, station, device, limits,
                                std::get<AdmittedCommand>(decision), others);
     CommandResult result = run_on(io, execution.run());
     was_answered = execution.exchanges().was_answered();
@@ -61,7 +61,7 @@ struct CommandOnTheBusTest : ScriptedBusTest {
   }
 
   DeviceConfig device;
-  Holes holes;  ///< found by polls
+  std::vector<Holes::Limit> limits;  ///< found by polls
   bool was_answered = false;
 };
 
@@ -136,22 +136,13 @@ TEST_F(CommandOnTheBusTest, LongReadGoesInThePartsThatPollsHaveFound) {
   use_modbus();
   const TagConfig list = array_of(tag(*device.codec, "list", "hr:0"), 3);
   device.tags.push_back(list);
-  holes.limits.push_back({list.point.address.span.space, 32});
+  limits.push_back({list.point.address.span.space, 32});
   wire->expect(hex("0001 0000 0006 01 03 0000 0001")).give(hex("0001 0000 0005 01 03 02 0001"));
   wire->expect(hex("0002 0000 0006 01 03 0001 0002"))
       .give(hex("0002 0000 0007 01 03 04 0002 0003"));
   const CommandResult result = read("list");
   EXPECT_EQ(ending(result), "SUCCEEDED");
   EXPECT_EQ(result.targets.at(0).value, numbers({1, 2, 3}));
-}
-
-TEST_F(CommandOnTheBusTest, WhatPollsHaveFoundMissingIsAskedForAgain) {
-  use_modbus();
-  const Span setpoint = device.tags[0].point.address.span;
-  holes.missing.push_back(setpoint);
-  holes.cuts.push_back({setpoint.space, setpoint.first_bit + 8});
-  wire->expect(hex("0001 0000 0006 01 03 000A 0001")).give(hex("0001 0000 0005 01 03 02 0032"));
-  EXPECT_EQ(ending(read("setpoint")), "SUCCEEDED");
 }
 
 TEST_F(CommandOnTheBusTest, RefusalThatLeavesTheEffectOpenIsSettledByReadingBack) {

@@ -57,6 +57,36 @@ TEST(DeviceState, ValueThatComesAndGoesDoesNotFlap) {
   EXPECT_EQ(good.status.reason_text, "");
 }
 
+TEST(DeviceState, TagsThatAreBadInTurnAreNamedEachTenSeconds) {
+  DeviceState state(0, *port_codec(), 1000);
+  state.answered();
+  DeviceState::Facts a{.bus_open = true, .first_bad = BadReason::nak, .bad_tag = "tag a"};
+  DeviceState::Facts b = a;
+  b.bad_tag = "tag b";
+  EXPECT_EQ(state.update(a, 2000)->status.reason_text, "tag a");
+  for (std::int64_t ms = 3000; ms < 12'000; ms += 1000)
+    EXPECT_FALSE(state.update(ms % 2000 == 0 ? a : b, ms)) << ms;
+  const auto later = state.update(b, 12'000).value();
+  EXPECT_EQ(later.status.reason_text, "tag b");
+  EXPECT_EQ(later.status.since_ms, 2000);
+  EXPECT_FALSE(later.other_state);
+}
+
+TEST(DeviceState, TextBelongsToTheReason) {
+  DeviceState state(0, *port_codec(), 1000);
+  state.answered();
+  DeviceState::Facts facts = bus_is_open();
+  facts.first_bad = BadReason::bad_value;
+  facts.bad_tag = "tag a";
+  EXPECT_EQ(state.update(facts, 2000)->status.reason_text, "tag a");
+  facts.first_bad = BadReason::nak;
+  facts.bad_tag = "tag b";
+  EXPECT_EQ(state.update(facts, 3000)->status.reason_text, "tag b");
+  const auto held = state.update(bus_is_open(), 4000).value();
+  EXPECT_EQ(held.status.reason, "bad_value");
+  EXPECT_EQ(held.status.reason_text, "tag a");
+}
+
 TEST(DeviceState, BadValueEndsThoughTheClockWasSetBack) {
   DeviceState state(0, *port_codec(), 1000);
   state.answered();
