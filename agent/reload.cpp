@@ -29,7 +29,7 @@ namespace {
 
 RemoteConfig::Moment moment() { return {std::chrono::steady_clock::now(), utc_now_ms()}; }
 
-sigset_t hangup() {
+sigset_t hangup_signal() {
   sigset_t set;
   sigemptyset(&set);
   sigaddset(&set, SIGHUP);
@@ -49,7 +49,7 @@ void log_errors(const ConfigErrors& errors, const std::string& path) {
 }  // namespace
 
 bool hangup_within(std::chrono::seconds patience) {
-  const sigset_t signals = hangup();
+  const sigset_t signals = hangup_signal();
   const timespec limit{.tv_sec = patience.count(), .tv_nsec = 0};
   return sigtimedwait(&signals, nullptr, &limit) == SIGHUP;
 }
@@ -143,7 +143,7 @@ void Reload::listen() {
 void Reload::wake() { pthread_kill(thread_.native_handle(), SIGHUP); }
 
 bool Reload::wait() {
-  const sigset_t signals = hangup();
+  const sigset_t signals = hangup_signal();
   siginfo_t heard{};
   const SteadyTime wake_at = remote_.next_wake();
   if (wake_at == SteadyTime::max()) {

@@ -105,8 +105,8 @@ int run_until_stopped(const std::string& path, const RunQuestion& what) {
   std::signal(SIGXFSZ, SIG_IGN);
   if (const std::string missing = lacks(kThreads, kRoomToBegin); !missing.empty())
     throw std::runtime_error("cannot start: " + missing);
-  // Blocked before any thread starts: only the watchdog receives the stop signals, only the reload
-  // SIGHUP.
+  // Blocked before any thread starts: only the watchdog receives the stop signals. SIGHUP is
+  // taken by the reload, or before there is one by this thread.
   const sigset_t stop_signals = block_stop_signals();
   sigset_t reload_signal;
   sigemptyset(&reload_signal);

@@ -9,9 +9,10 @@ namespace {
 
 using std::chrono::nanoseconds;
 
-// Boots and faults that are remembered; a pair has two gateways.
+// What is remembered; a pair has two gateways. Other clients may send any names.
 constexpr std::size_t kMostBoots = 256;
 constexpr std::size_t kMostPeers = 16;
+constexpr std::size_t kMostFaults = 16;
 constexpr std::size_t kMostSent = 64;
 // The wait between claims that fail doubles up to this many times quiet / 2.
 constexpr int kMostFailures = 5;
@@ -39,14 +40,12 @@ void PairState::enter(PairRole role, std::string why, BootTime now) {
 void PairState::fault(const std::string& cause, const std::string& text) {
   const auto known = faults_.find(cause);
   const bool lasts = known != faults_.end();
-  if (lasts != text.empty() || (!lasts && most_faults_ == 0)) return;
+  if (lasts != text.empty() || (!lasts && faults_.size() >= kMostFaults)) return;
   fault_news_.push_back({lasts ? known->second : text, lasts});
-  if (lasts) {
+  if (lasts)
     faults_.erase(known);
-  } else {
+  else
     faults_[cause] = text;
-    --most_faults_;
-  }
 }
 
 PairFault PairState::take_fault() {
@@ -238,7 +237,7 @@ std::vector<PairState::Order> PairState::step(BootTime now) {
     std::set<std::string> members;
     for (const auto& [boot, peer] : peers_) members.insert(peer.member);
     if (members.size() < 2) fault(kThird, {});
-    if (now >= same_name_at_ + kNoOtherOfTheName) fault(kSameName, {});
+    if (now >= std::max(same_name_at_, *joined_at_) + kNoOtherOfTheName) fault(kSameName, {});
   }
   if (role_ == PairRole::claiming && agent_runs_ && now >= opens_at_ && now < holds_until_)
     enter(PairRole::active, why_, now);

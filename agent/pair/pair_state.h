@@ -149,9 +149,8 @@ class PairState final {
   std::uint64_t highest_seq_ = 0;
   std::map<std::string, std::string> faults_;  ///< texts of those that last, by cause
   std::deque<PairFault> fault_news_;           ///< not taken yet
-  std::size_t most_faults_ = 256;  ///< that may still be named: others may send any text
-  bool same_name_ = false;         ///< another member of this name, since the last step
-  BootTime same_name_at_{};        ///< the last step with one
+  bool same_name_ = false;                     ///< another member of this name, since the last step
+  BootTime same_name_at_{};                    ///< the last step with one
 
   bool connecting_ = false;
   BootTime not_before_{};  ///< of the next claim

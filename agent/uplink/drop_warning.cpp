@@ -9,7 +9,7 @@ namespace fxagent {
 namespace {
 
 constexpr std::chrono::hours kWarnEvery{24};
-constexpr std::chrono::minutes kEndedAfter{1};
+constexpr std::chrono::minutes kEndedAfter{10};
 
 /// The cause of a loss, and the remedy.
 struct Explained {
@@ -49,12 +49,9 @@ Explained explained(DropCause cause, const SampleSpool& spool, const GuardedStor
 void DropWarning::keep(SteadyTime now) {
   const std::uint64_t before = std::exchange(total_, spool_.dropped().total());
   if (total_ != before) {
-    if (!loss_) loss_ = Loss{.before = before, .warned = now - kWarnEvery};
+    if (!loss_) loss_ = Loss{.before = before};
     loss_->last = now;
-    if (now >= loss_->warned + kWarnEvery) {
-      loss_->warned = now;
-      warn(total_ - loss_->before, now);
-    }
+    warn(*loss_, now);
   } else if (loss_ && session_.is_connected() && now >= loss_->last + kEndedAfter) {
     log::info("samples_dropped", {{"state", "ended"},
                                   {"count", std::to_string(total_ - loss_->before)},
@@ -63,9 +60,12 @@ void DropWarning::keep(SteadyTime now) {
   }
 }
 
-void DropWarning::warn(std::uint64_t count, SteadyTime now) const {
+void DropWarning::warn(Loss& loss, SteadyTime now) const {
   auto [reason, note] = explained(spool_.dropped().last_cause(), spool_, store_);
-  log::warn("samples_dropped", {{"count", std::to_string(count)},
+  const auto [warned, is_new] = loss.warned.try_emplace(reason, now);
+  if (!is_new && now < warned->second + kWarnEvery) return;
+  warned->second = now;
+  log::warn("samples_dropped", {{"count", std::to_string(total_ - loss.before)},
                                 {"reason", std::move(reason)},
                                 {"broker", broker(now)},
                                 {"note", std::move(note)}});

@@ -1,8 +1,10 @@
-// Warns when samples begin to be lost: once, with the limit that was reached and the remedy, and
-// once a day while it lasts. Logs the end, too. Uplink thread. Time is an argument.
+// Warns when samples begin to be lost, with the limit that was reached and the remedy: for each
+// limit once, and once a day while the loss lasts. Logs the end, too. Uplink thread. Time is an
+// argument.
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
 
@@ -22,17 +24,17 @@ class DropWarning final {
       : spool_(spool), store_(store), session_(session), profile_(std::move(profile)) {}
 
   /// Logs what is due. Call in each step, after the spool's work. The loss has ended if the session
-  /// is connected and no sample was lost for a minute.
+  /// is connected and no sample was lost for ten minutes.
   void keep(SteadyTime now);
 
  private:
   struct Loss {
     std::uint64_t before = 0;  ///< samples lost before it
-    SteadyTime warned{};
     SteadyTime last{};
+    std::map<std::string, SteadyTime> warned{};  ///< by reason
   };
 
-  void warn(std::uint64_t count, SteadyTime now) const;
+  void warn(Loss& loss, SteadyTime now) const;
   std::string broker(SteadyTime now) const;
 
   const SampleSpool& spool_;

@@ -39,9 +39,8 @@ struct ExaminedDevice {
   /// Returns the bit or word at this address; nullopt if there is no name, if the model lacks it,
   /// or if it cannot be read.
   std::optional<std::uint64_t> word_at(std::string_view name) const;
-  /// Returns the largest parts in which a refused read is answered, in bits: whole words. 0: there
-  /// are none, because some of it does not exist. `usual` is tried first, and is enough; 0:
-  /// unknown.
+  /// Returns the largest parts in which a refused read is answered, in bits: whole words. Returns
+  /// `usual` if that is not 0 and such parts are answered. 0: some of the read does not exist.
   std::uint32_t answered_in_parts(const Read& whole, std::uint32_t usual) const;
 };
 

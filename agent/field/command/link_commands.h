@@ -22,7 +22,7 @@ namespace fxagent {
 struct WaitingCommand {
   AdmittedCommand admitted;
   LinkDevice* device = nullptr;
-  /// What polls had found when its bound was set: it sends no more reads than that.
+  /// Longest reads that the device answered when the bound was set: the bound counts these reads.
   std::vector<Holes::Limit> read_limits{};
   std::chrono::nanoseconds line_time{0};
 };

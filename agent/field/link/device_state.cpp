@@ -10,7 +10,7 @@ namespace {
 
 // A device stays degraded this long after a bad value. By the wall clock, which may be set.
 constexpr std::int64_t kBadValueMs = 10'000;
-// Tags may be bad in turn: another one is named at most this often.
+// Tags may be bad in turn: for the same reason, another one is named at most this often.
 constexpr std::int64_t kNameEveryMs = 10'000;
 
 }  // namespace

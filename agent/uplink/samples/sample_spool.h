@@ -27,7 +27,8 @@ namespace fxagent {
 
 struct SampleCounts;
 
-/// Place in which samples were lost. `refused`: the broker or the format does not accept them.
+/// Cause of a loss: the place that was full. `refused`: the broker or the format does not accept
+/// them.
 enum class DropCause : std::uint8_t { outbox, memory, store, refused };
 
 /// Counts the samples that were lost: dropped to make room, or refused for good.

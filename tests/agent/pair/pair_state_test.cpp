@@ -299,8 +299,22 @@ TEST(PairState, FaultsAreNamedWhenTheyAreOver) {
   EXPECT_NE(b.state.take_fault().text.find("pair.member"), std::string::npos);
   b.state.step(at(199999));
   EXPECT_EQ(b.state.take_fault().text, "");
-  b.state.step(at(200000));
+  b.state.left(false);  // the other one may be away as well
+  b.state.joined(at(300000));
+  b.state.step(at(479999));
+  EXPECT_EQ(b.state.take_fault().text, "");
+  b.state.step(at(480000));
   expect_over(b, "pair.member");
+}
+
+TEST(PairState, FaultsThatComeAndGoAreAlwaysNamed) {
+  JoinedGateway b("b", "boot-b");
+  for (int i = 0; i < 1000; ++i) {
+    b.state.heard({"a", "boot-1", "active", false, 2 * kQuiet}, at(2 * i));
+    EXPECT_FALSE(b.state.take_fault().text.empty()) << i;
+    b.state.heard({"a", "boot-1", "active", false, kQuiet}, at(2 * i + 1));
+    EXPECT_TRUE(b.state.take_fault().is_over) << i;
+  }
 }
 
 TEST(PairState, KnowsTheBootsOfThePair) {

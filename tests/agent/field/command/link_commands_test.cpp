@@ -374,6 +374,31 @@ TEST_F(LineOfUnknownSpeed, HasNoBound) {
   EXPECT_FALSE(commands->waiting().front().admitted.bound);
 }
 
+TEST_F(LinkCommandsTest, ReadsAreThoseThatTheBoundCounts) {
+  std::vector<Bytes> asked;
+  wire->then([&](ByteView request) {
+    asked.emplace_back(request.begin(), request.end());
+    return plc.answer(request);
+  });
+  const auto add_read = [this](std::string id) {
+    submit(command_of(std::move(id), Op::read, {{"wide", "", std::nullopt, std::nullopt}}));
+  };
+  add_read("before");
+  // Polls find that the device answers single words only.
+  const Span wide = *span_of(devices[0]->config.tags.back().point);
+  const std::uint32_t half = wide.first_bit + 16;
+  HoleMap& holes = devices[0]->found_holes();
+  holes.refused(wide, Halves{half, half}, SteadyTime{});
+  holes.read({wide.space, wide.first_bit, 16});
+  holes.read({wide.space, half, 16});
+  add_read("after");
+  run_next();
+  EXPECT_EQ(asked.back(), read_frame(kD200 + 2, 4));
+  asked.clear();
+  run_next();
+  EXPECT_EQ(asked, (std::vector{read_frame(kD200 + 2, 2), read_frame(kD200 + 4, 2)}));
+}
+
 /// The only device is all units of a Modbus line.
 struct CommandsForAllUnits : LinkCommandsTest {
   CommandsForAllUnits()
