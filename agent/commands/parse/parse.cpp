@@ -480,9 +480,12 @@ LinkCommand parse_link_command(std::string_view payload) {
     for (const auto& [key, value] : json->items()) {
       const bool fits = key == "id" || key == "op" || key == "by" || key == "expires" ||
                         (key == "minutes" && yields);
-      if (is_known && !fits && !value.is_null())
+      if (!fits && !value.is_null())
         faults.add(Reason::bad_json,
-                   "key " + in_quotes(key) + " does not go with " + command.op_text);
+                   "key " + in_quotes(key) + " does not go with " +
+                       (is_known ? command.op_text
+                                 : "yield and resume, which this topic takes; a device has a topic "
+                                   "of its own"));
     }
     const Json* minutes = given(*json, "minutes");
     if (minutes != nullptr && minutes->is_number_integer() && *minutes >= 1 &&

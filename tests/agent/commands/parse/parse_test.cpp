@@ -431,7 +431,7 @@ TEST(ParseLinkCommand, FirstFaultIsNamed) {
       {R"({"op":"resume","minutes":1})", Reason::bad_json},
       {R"({"op":"yield","id":""})", Reason::missing_id},
       {R"({"op":"write"})", Reason::bad_op},
-      {R"({"op":"read","tag":"temp"})", Reason::bad_op},
+      {R"({"op":"read","tag":"temp"})", Reason::bad_json},
       {R"({"op":7})", Reason::bad_op},
       {"{}", Reason::bad_op},
       {R"({"op":"yield","minutes":0})", Reason::out_of_range},
