@@ -30,7 +30,7 @@ class Profiles(PlantTest):
         wait_for("the log", lambda: self.agent.logged().count("broker_lost") == 2)
         for value in range(1, 20):
             self.sim.set("press1", "D100", value)
-            self.sim.wait_reads(6)  # two polls, or one and the question whether the PLC runs
+            self.sim.wait_reads(4)  # the three of a poll, and the question whether the PLC runs
 
     def adds_up(self, name, accept=lambda samples: True):
         """Waits for health in which the samples of the profile and those of the agent add up."""
