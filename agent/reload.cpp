@@ -41,12 +41,12 @@ void set(std::atomic<bool>& done) {
   done.notify_all();
 }
 
+}  // namespace
+
 void log_errors(const ConfigErrors& errors, const std::string& path) {
   for (const ConfigError& error : errors)
     log::error("config", {{"state", "rejected"}, {"error", to_string(error, path)}});
 }
-
-}  // namespace
 
 bool hangup_within(std::chrono::seconds patience) {
   const sigset_t signals = hangup_signal();

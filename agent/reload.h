@@ -103,6 +103,9 @@ class Reload final {
 /// thread.
 bool hangup_within(std::chrono::seconds patience);
 
+/// Logs each error of a rejected config; `path` is the local file.
+void log_errors(const ConfigErrors& errors, const std::string& path);
+
 /// Reads and checks the local file, and logs its errors or that it has none. Applies nothing. For
 /// the standby of a pair, whose `running` config is that of its start.
 void check_local(const Config& running, const std::string& path, const RemoteConfig& remote);

@@ -78,8 +78,7 @@ std::optional<Config> started_config(RemoteConfig& remote, const std::string& pa
     }
     if (config.error() != said) {
       said = config.error();
-      for (const ConfigError& error : said)
-        log::error("config", {{"state", "rejected"}, {"error", to_string(error, path)}});
+      log_errors(said, path);
       log::warn("config", {{"state", "waiting"},
                            {"errors", std::to_string(said.size())},
                            {"note",

@@ -139,10 +139,8 @@ class Broker {
   /// or ConnectFailed. On MQTT 5 `receive_maximum` is sent to the broker (section 3.1.2.11.3);
   /// 3.1.1 has no equivalent.
   virtual void connect(std::size_t index, std::uint16_t receive_maximum) = 0;
-  /// Disconnects cleanly. Posts Disconnected. With `with_will`, which is for MQTT 5 only, the
-  /// broker is to publish the last will all the same (section 3.14.2.1, reason code 0x04);
-  /// Disconnected may not come then, but is_connected() becomes false. Paho C++ 1.2 does not send
-  /// the code: publish what must be known before.
+  /// Disconnects, and posts Disconnected. The broker discards the last will. `with_will`: closes
+  /// the connection without a DISCONNECT, so that the broker publishes it.
   virtual void disconnect(bool with_will = false) = 0;
   /// True if the library reports the connection as up. If false, Lost has been posted or will be,
   /// unless the library failed to report the loss.

@@ -150,13 +150,14 @@ void PahoBroker::connect(std::size_t index, std::uint16_t receive_maximum) {
 }
 
 void PahoBroker::disconnect(bool with_will) {
-  if (!connection_ || !connection_->is_connected()) {
+  if (with_will && connection_) connection_->break_off();
+  if (with_will || !connection_ || !connection_->is_connected()) {
     retire();
     inbox_->begin(connections_);
     return inbox_->post(connections_, Disconnected{});
   }
   try {
-    connection_->disconnect(with_will);
+    connection_->disconnect();
   } catch (const mqtt::exception&) {
     inbox_->post(connections_, Disconnected{});
   }

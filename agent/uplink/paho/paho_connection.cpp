@@ -89,22 +89,29 @@ Subscribed subscribed(const mqtt::token& token, const FailureText& texts) {
 
 bool is_tls(std::string_view server) { return server.starts_with("mqtts://"); }
 
-void ReadPause::watch(int fd) noexcept {
+void BorrowedSocket::watch(int fd) noexcept {
   const std::lock_guard lock(mutex_);
   fd_ = fd;
   cookie_ = cookie_of(fd);
   if (paused_) apply();
 }
 
-void ReadPause::set(bool paused) noexcept {
+void BorrowedSocket::pause(bool paused) noexcept {
   const std::lock_guard lock(mutex_);
   if (paused_ == paused) return;
   paused_ = paused;
   apply();
 }
 
-void ReadPause::apply() noexcept {
-  if (cookie_ == 0 || cookie_of(fd_) != cookie_) return;
+void BorrowedSocket::shut_down() noexcept {
+  const std::lock_guard lock(mutex_);
+  if (is_open()) ::shutdown(fd_, SHUT_RDWR);
+}
+
+bool BorrowedSocket::is_open() const noexcept { return cookie_ != 0 && cookie_of(fd_) == cookie_; }
+
+void BorrowedSocket::apply() noexcept {
+  if (!is_open()) return;
   // The kernel reduces INT_MAX to half of its buffer. When the value becomes 1 again, it wakes a
   // waiting poll() at once if data has arrived.
   const int least = paused_ ? INT_MAX : 1;
@@ -186,13 +193,10 @@ void PahoConnection::connect(const Publication& will, const std::optional<std::s
   client_.connect(options, nullptr, *this);
 }
 
-mqtt::token_ptr PahoConnection::disconnect(bool with_will) {
+mqtt::token_ptr PahoConnection::disconnect() {
   leaving_ = true;
-  pause_.set(false);
-  if (!with_will || version_ != MQTTVERSION_5) return client_.disconnect(0, nullptr, *this);
-  mqtt::disconnect_options options;
-  options.set_reason_code(mqtt::DISCONNECT_WITH_WILL_MESSAGE);
-  return client_.disconnect(options);
+  socket_.pause(false);
+  return client_.disconnect(0, nullptr, *this);
 }
 
 void PahoConnection::publish(Publication publication) {
@@ -229,7 +233,7 @@ void PahoConnection::post_lost(std::string_view text, int reason_code) noexcept 
 void PahoConnection::hold_messages(bool held, std::size_t let_in) noexcept {
   if (leaving_ && !held) return;
   let_in_ = held ? let_in : 0;
-  pause_.set(held && let_in == 0);
+  socket_.pause(held && let_in == 0);
 }
 
 // ---- called by Paho's threads -------------------------------------------------------------------
@@ -241,7 +245,7 @@ void PahoConnection::on_success(const mqtt::token& token) noexcept {
         if (connected_posted_.exchange(true)) return;  // Paho reports it twice
         end_of_connecting();
         setsockopt(last_socket_read(), IPPROTO_TCP, TCP_NODELAY, &kOn, sizeof(kOn));
-        pause_.watch(last_socket_read());
+        socket_.watch(last_socket_read());
         leave_out_idle_sleeps();  // this is the thread that reads the connection
         return post(connected_by(token));
       case mqtt::token::PUBLISH:
@@ -316,9 +320,10 @@ void PahoConnection::message_arrived(mqtt::const_message_ptr message) noexcept {
       event.message_expiry =
           seconds(mqtt::get<std::uint32_t>(properties, Code::MESSAGE_EXPIRY_INTERVAL));
     std::size_t left = let_in_;
-    if (left > 0 && let_in_.compare_exchange_strong(left, left - 1) && left == 1) pause_.set(true);
+    if (left > 0 && let_in_.compare_exchange_strong(left, left - 1) && left == 1)
+      socket_.pause(true);
     // Before the post, which wakes the uplink: its next hold_messages() ends the pause.
-    if (inbox_->is_filling()) pause_.set(true);
+    if (inbox_->is_filling()) socket_.pause(true);
     post(std::move(event));
   } catch (...) {
     post_lost("out of memory in a callback");

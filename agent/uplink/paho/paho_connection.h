@@ -21,20 +21,22 @@
 
 namespace fxagent {
 
-/// Backpressure on a TCP connection that a library reads. Makes the socket count as unreadable, so
-/// that the library's thread waits in poll() and holds none of its locks. What the peer sends stays
-/// in the kernel, then in the peer. Uses SO_RCVLOWAT, socket(7); has no effect on systems without
-/// this option. Any thread.
-class ReadPause final {
+/// The socket of a TCP connection that a library owns. Does not touch a socket that has been closed
+/// since, even if its number is in use again. Any thread.
+class BorrowedSocket final {
  public:
   /// Selects the socket; -1: none.
   void watch(int fd) noexcept;
-  /// Does not touch a socket that has been closed since, even if its number is in use again. A few
-  /// more bytes may be read during a pause: those that the kernel has no room for, and those that
-  /// TLS has already decrypted.
-  void set(bool paused) noexcept;
+  /// Backpressure: makes the socket count as unreadable, so that the library's thread waits in
+  /// poll() and holds none of its locks. What the peer sends stays in the kernel, then in the peer.
+  /// A few more bytes may be read: those that the kernel has no room for, and those that TLS has
+  /// already decrypted. Uses SO_RCVLOWAT, socket(7); has no effect on systems without this option.
+  void pause(bool paused) noexcept;
+  /// Ends the connection in both directions.
+  void shut_down() noexcept;
 
  private:
+  bool is_open() const noexcept;
   void apply() noexcept;
 
   std::mutex mutex_;
@@ -59,7 +61,10 @@ class PahoConnection final : public virtual mqtt::callback, public virtual mqtt:
   void connect(const Publication& will, const std::optional<std::string>& password,
                std::uint16_t receive_maximum);
   /// Starts a clean disconnect; its token is complete when the DISCONNECT has been sent.
-  mqtt::token_ptr disconnect(bool with_will = false);
+  mqtt::token_ptr disconnect();
+  /// Ends the TCP connection, which Paho then finds closed: it has no way to leave without a
+  /// DISCONNECT.
+  void break_off() noexcept { socket_.shut_down(); }
   bool is_connected() const { return client_.is_connected(); }
   /// True after disconnect().
   bool is_leaving() const { return leaving_; }
@@ -95,7 +100,7 @@ class PahoConnection final : public virtual mqtt::callback, public virtual mqtt:
   const bool tls_;
   const FailureText failure_text_;
   std::chrono::steady_clock::time_point connecting_since_{};  ///< set before Paho can call back
-  ReadPause pause_;
+  BorrowedSocket socket_;
   std::atomic<std::size_t> let_in_ = 0;  ///< messages before the pause
   std::atomic<bool> connected_posted_ = false;
   std::atomic<bool> leaving_ = false;

@@ -148,7 +148,7 @@ void Session::watch(SteadyTime now) {
   const auto unanswered_since = outgoing_.unanswered_since();
   if (link_ == Link::connected && unanswered_since &&
       now - *unanswered_since >= kNoAcknowledgement) {
-    broker_.disconnect(with_will_);
+    broker_.disconnect(true);
     on(Lost{"no acknowledgement for 30 s"}, now);
   }
   if (link_ != Link::connected) return down_since_.reset();

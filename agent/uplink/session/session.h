@@ -31,7 +31,7 @@ class Session final {
   };
 
   /// All references outlive the session; `mqtt` has the servers. `profile` names it in the log;
-  /// empty: it is the agent's own. `with_will` is for each Broker::disconnect().
+  /// empty: it is the agent's own. `with_will`: leaves no broker without its last will.
   Session(Broker& broker, Outgoing& outgoing, const MqttConfig& mqtt, JitteredBackoff& backoff,
           Listener listener, std::string profile = {}, bool with_will = false);
 

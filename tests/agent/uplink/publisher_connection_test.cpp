@@ -68,6 +68,7 @@ TEST_F(PublisherConnectionOnlineTest, ConnectionThatDiesWithoutAWordIsGivenUpWit
   bench.broker.finds_out = false;
   bench.broker.believes = true;
   EXPECT_LE(until_next_connect(bench), 92s) << "health after 60 s, no answer for 30 s";
+  EXPECT_TRUE(bench.broker.left_with_will) << "a broker that wakes up says that the agent is gone";
 }
 
 TEST_F(PublisherConnectionOnlineTest, FailedPublishesAreNoSignOfLife) {

@@ -869,6 +869,21 @@ TEST(PahoBroker, WillIsSaidForOneThatVanishedAndNotForOneThatLeft) {
   EXPECT_TRUE(will.retained);  // Retain As Published
 }
 
+TEST_P(PahoBrokerVersion, WillIsSaidForOneThatLeavesWithIt) {
+  const Mosquitto mosquitto;
+  OnlineClient observer(settings(mosquitto.url(), GetParam()));
+  observer.subscribe("will/#");
+  OnlineClient leaver(settings(mosquitto.url(), GetParam()), retained("will/leaver", "gone"));
+  leaver->publish(publication(1, "will/before", "x"));
+  leaver.next<Delivered>();
+  leaver->disconnect(true);
+  leaver.next<Disconnected>();
+  EXPECT_FALSE(leaver->is_connected());
+  EXPECT_EQ(observer.next<Message>().topic, "will/before");
+  EXPECT_EQ(observer.next<Message>().topic, "will/leaver");
+  EXPECT_EQ(leaver.connect().session_present, false) << "and it can come back";
+}
+
 TEST(PahoBroker, CarriesTheWholeUplink) {
   const Mosquitto mosquitto;
   Config config = test::plant();
