@@ -300,6 +300,7 @@ CommandResult read_one(DirectLine& line, const std::string& name, const CommandT
   if (const TagConfig* tag = tag_named(name, line.device())) report.units = tag->units;
   const auto point = point_of(name, target, line.device(), line.codec());
   if (point && has_word_order(*point)) report.point = point;
+  report.orders = word_orders(*line.device().protocol);
   CommandResult result = report.point ? read_by_words(line, *report.point, report.image)
                                       : line.carry_out(Op::read, name, target);
   const TargetResult& out = result.targets.front();
@@ -333,7 +334,9 @@ CommandResult read_every_type(DirectLine& line, const std::string& name, const A
   auto [result, image] = read_words(line, address, is_counted ? target.count : 4);
   if (image.empty() && !is_counted && !is_silent(result))
     std::tie(result, image) = read_words(line, address, 2);
-  ReadReport read{.name = name, .address = std::string(address.text)};
+  ReadReport read{.name = name,
+                  .address = std::string(address.text),
+                  .orders = word_orders(*line.device().protocol)};
   if (image.empty()) {
     read.reason = to_string(result.reason);
     read.detail = result.detail;

@@ -3,6 +3,7 @@
 #include <map>
 
 #include "agent/config/suggestions.h"
+#include "protocol/value/word_order.h"
 
 namespace fxagent {
 
@@ -62,10 +63,16 @@ ConfigKey protocol_key() {
   return key;
 }
 
+std::span<const ByteOrder> word_orders(const ProtocolInfo& protocol) {
+  const std::span<const ByteOrder> all(kByteOrders);
+  return option_named(protocol, "byte_order") == nullptr ? all.first(2) : all;
+}
+
 ConfigKey word_order_key(const ProtocolInfo* protocol) {
   ConfigKey key = config_key("devices[].tags[].word_order");
-  if (protocol != nullptr && option_named(*protocol, "byte_order") == nullptr)
-    key.limits = key.limits.words.first(2);
+  constexpr std::size_t kNames = 2;  // low_first and high_first, before the orders
+  if (protocol != nullptr)
+    key.limits = key.limits.words.first(kNames + word_orders(*protocol).size());
   return key;
 }
 

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "protocol/catalog.h"
+#include "protocol/value/point.h"
 
 namespace fxagent {
 
@@ -97,7 +98,7 @@ inline constexpr std::array kAccess{"read"sv, "read_write"sv};
 inline constexpr std::array kTypes{"bool"sv,    "int16"sv, "uint16"sv, "int32"sv,
                                    "uint32"sv,  "int64"sv, "uint64"sv, "float32"sv,
                                    "float64"sv, "bcd16"sv, "bcd32"sv,  "string"sv};
-/// Every protocol has the first two. See word_order_key().
+/// Every protocol has the first four. See word_order_key().
 inline constexpr std::array kWordOrders{"low_first"sv, "high_first"sv, "ABCD"sv,
                                         "CDAB"sv,      "BADC"sv,       "DCBA"sv};
 inline constexpr ConfigKey::Limits kBaud{50, 4'000'000};
@@ -349,7 +350,7 @@ inline constexpr auto kWritten = std::to_array<ConfigKey>({
     {"devices[].tags[]", "word_order", choice, kWordOrders,
      Rule{"FX: `low_first`; Modbus: `byte_order`"},
      "Order of the words of a 32- or 64-bit value; `low_first` is `CDAB`, `high_first` is "
-     "`ABCD`. The four letters are for Modbus only. Not for `bool`."},
+     "`ABCD`. `BADC` and `DCBA` are for Modbus only. Not for `bool`."},
     {"devices[].tags[]", "scale", number, {}, 1, "The value is raw × `scale` + `offset`. Not 0."},
     {"devices[].tags[]", "offset", number, {}, 0, "Added to the scaled value."},
     {"devices[].tags[]", "unit", text, {}, None{},
@@ -464,8 +465,9 @@ ConfigKey option_key(const OptionSpec& option);
 ConfigKey model_key(const ProtocolInfo& protocol);
 /// Returns the key `protocol`, with the names of the catalogue.
 ConfigKey protocol_key();
-/// Returns the key `word_order` of tags. Protocols with the option `byte_order` accept all words,
-/// others only the first two. nullptr: the words of any protocol.
+/// Returns the orders that `word_order` may name: all, or two if the protocol lacks `byte_order`.
+std::span<const ByteOrder> word_orders(const ProtocolInfo& protocol);
+/// Returns the key `word_order` of tags. nullptr: the words of any protocol.
 ConfigKey word_order_key(const ProtocolInfo* protocol);
 
 /// Returns the option with this name; nullptr if the protocol has none.

@@ -154,12 +154,16 @@ Decoded decode_identity(ByteView pdu) {
   return reply;
 }
 
-Reply refusal(int device_code) {
+Reply refusal(Function function, int device_code) {
   const std::string_view text = exception_coded(device_code).text;
+  const bool lacks_mask_write = function == Function::mask_write && device_code == 1;
   return {.kind = Reply::Kind::nak,
           .device_code = device_code,
           .text = "exception " + hex_text(static_cast<std::uint32_t>(device_code), 2) + ": " +
-                  (text.empty() ? "not in the specification" : std::string(text))};
+                  (text.empty() ? "not in the specification" : std::string(text)) +
+                  (lacks_mask_write ? "; with allow_read_modify_write the agent reads and writes "
+                                      "the whole register"
+                                    : "")};
 }
 
 }  // namespace
@@ -219,7 +223,7 @@ Decoded decode_pdu(const Request& request, ByteView pdu) {
   const std::uint8_t function = sent->front();
   if (pdu[0] == (function | kException)) {
     if (pdu.size() != 2) return garbled("an exception of " + std::to_string(pdu.size()) + " bytes");
-    return refusal(pdu[1]);
+    return refusal(Function{function}, pdu[1]);
   }
   if (pdu[0] != function) return std::nullopt;
   if (const auto* read = std::get_if<Read>(&request)) {

@@ -1,8 +1,11 @@
 // Detects from the bytes of a float that its word order is probably wrong.
 #pragma once
 
+#include <array>
 #include <functional>
 #include <optional>
+#include <span>
+#include <string>
 
 #include "protocol/value/point.h"
 #include "protocol/value/value.h"
@@ -13,17 +16,23 @@ namespace fxagent {
 /// machine measures such values, but a wrong word order produces them from plain numbers.
 bool is_absurd(double number);
 
-/// Returns the order in which a float is plain (0, or 0.001 to 10,000,000) while its own order
-/// makes it absurd, NaN or infinite. Tries ABCD, CDAB, BADC, DCBA; for an array returns the first
-/// order in which every element is plain. nullopt if the value is not absurd, no other order helps,
-/// or the point is not a float. `read` unpacks the same bytes as another point.
-std::optional<ByteOrder> likelier_order(const Point& point,
-                                        const std::function<Result<Value>(const Point&)>& read);
-/// The same for an image that covers the point and begins at `image_first_bit` of its space.
-std::optional<ByteOrder> likelier_order(const Point& point, ByteView image,
-                                        std::uint32_t image_first_bit);
+/// Every order. A device without the option `byte_order` has only the first two.
+inline constexpr std::array kByteOrders{ByteOrder::abcd, ByteOrder::cdab, ByteOrder::badc,
+                                        ByteOrder::dcba};
 
-/// Returns "in word order CDAB it is 230.5: compare word_order with the device".
-std::string order_hint(ByteOrder order, const Value& value);
+/// Unpacks the bytes of a point as another point.
+using ReadAs = std::function<Result<Value>(const Point&)>;
+/// Reads from an image that begins at `first_bit` of the point's space, and must outlive the
+/// result.
+ReadAs read_from(ByteView image, std::uint32_t first_bit);
+
+/// Returns the first of `orders` in which a float is plain (0, or 0.001 to 10,000,000; of an array
+/// every element) while its own order makes it absurd, NaN or infinite. nullopt if the value is not
+/// absurd, no other order helps, or the point is not a float.
+std::optional<ByteOrder> likelier_order(const Point& point, std::span<const ByteOrder> orders,
+                                        const ReadAs& read);
+/// Returns "in word order CDAB it is 230.5: compare word_order with the device"; empty if no order
+/// is likelier.
+std::string word_order_hint(Point point, std::span<const ByteOrder> orders, const ReadAs& read);
 
 }  // namespace fxagent

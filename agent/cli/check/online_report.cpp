@@ -245,10 +245,12 @@ Json json_of(const OnlineDevice& device, const DeviceConfig& config, const std::
 }
 
 /// Returns a hint if the value is a float whose word order is probably wrong; else empty.
-std::string hint_of(const Point& point, const Value& value) {
+std::string hint_of(const Point& point, const Value& value, const ProtocolInfo& protocol) {
   if (point.type != DataType::float32 && point.type != DataType::float64) return {};
   const auto image = pack(point, value);
-  return image ? word_order_hint(point, *image) : std::string();
+  if (!image) return {};
+  return word_order_hint(point, word_orders(protocol),
+                         read_from(*image, point.address.span.first_bit));
 }
 
 }  // namespace
@@ -302,8 +304,9 @@ void OnlineDevices::take(const Telemetry& sample) {
       continue;
     }
     ++found.good;
-    const Point& point = config_->devices[sample.device].tags[reading.tag].point;
-    if (std::string hint = hint_of(point, reading.value); !hint.empty())
+    const DeviceConfig& device = config_->devices[sample.device];
+    const Point& point = device.tags[reading.tag].point;
+    if (std::string hint = hint_of(point, reading.value, *device.protocol); !hint.empty())
       found.hints.push_back({reading.tag, std::move(hint)});
   }
 }

@@ -254,11 +254,12 @@ void judge_orders(const ExaminedDevice& examined, Diagnosis& diagnosis) {
       continue;
     }
     std::string values;
-    for (const ByteOrder order : kByteOrders)
+    const auto orders = word_orders(*examined.device.protocol);
+    for (const ByteOrder order : orders)
       if (const auto value = in_order(tag.point, *image, order))
         values += "  " + std::string(to_string(order)) + " " + value_text(*value, *no_units());
     diagnosis.note(name + ":" + values);
-    const auto order = likelier_order(tag.point, *image, span->first_bit);
+    const auto order = likelier_order(tag.point, orders, read_from(*image, span->first_bit));
     if (!order) continue;
     diagnosis.fault(kDiffers, "the word order of " + name + " is probably wrong");
     diagnosis.change({"devices", examined.device.name, name, "word_order",

@@ -7,7 +7,6 @@
 #include "agent/text/json_writer.h"
 #include "protocol/value/pack.h"
 #include "protocol/value/value.h"
-#include "protocol/value/word_order.h"
 
 namespace fxagent {
 namespace {
@@ -88,13 +87,6 @@ Result<Value> in_order(Point point, ByteView image, ByteOrder order) {
   return unpack(point, image, point.address.span.first_bit);
 }
 
-std::string word_order_hint(const Point& point, ByteView image) {
-  const auto order = likelier_order(point, image, point.address.span.first_bit);
-  if (!order) return {};
-  const auto value = in_order(point, image, *order);
-  return value ? order_hint(*order, *value) : std::string();
-}
-
 std::string value_text(const Value& value, const TagUnits& units) {
   std::string text;
   for (const Scalar& item : value.items) {
@@ -107,7 +99,9 @@ std::string value_text(const Value& value, const TagUnits& units) {
 
 std::string hint_of(const ReadReport& report) {
   if (!report.point || report.image.empty()) return {};
-  const std::string hint = word_order_hint(*report.point, report.image);
+  const Point& point = *report.point;
+  const std::string hint =
+      word_order_hint(point, report.orders, read_from(report.image, point.address.span.first_bit));
   return hint.empty() ? hint : report.name + ": " + hint;
 }
 

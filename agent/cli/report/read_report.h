@@ -1,7 +1,6 @@
 // Output of `fxagent read`: names, values, units, labels, word orders.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <optional>
 #include <span>
@@ -10,6 +9,7 @@
 #include "agent/config/model.h"
 #include "protocol/value/point.h"
 #include "protocol/value/value.h"
+#include "protocol/value/word_order.h"
 
 namespace fxagent {
 
@@ -20,6 +20,7 @@ struct ReadReport {
   std::shared_ptr<const TagUnits> units = no_units();
   std::optional<Point> point{};  ///< interprets `image`; nullopt: the words have no order to
                                  ///< compare
+  std::span<const ByteOrder> orders = kByteOrders;  ///< of the protocol
   Bytes image{};
   std::optional<Value> value{};
   std::string reason{};  ///< set if there is no value
@@ -31,14 +32,8 @@ inline constexpr std::uint32_t kWordBits = 16;
 /// True if the values of the point depend on the word order: numbers of two or four words.
 bool has_word_order(const Point& point);
 
-/// Orders of the bytes of a number, as reports show them side by side.
-inline constexpr std::array kByteOrders{ByteOrder::abcd, ByteOrder::cdab, ByteOrder::badc,
-                                        ByteOrder::dcba};
 /// Returns the value of the point in another order. `image` begins at its first bit.
 Result<Value> in_order(Point point, ByteView image, ByteOrder order);
-/// Returns a hint if the point is a float, absurd in its own order and plain in another; else
-/// empty.
-std::string word_order_hint(const Point& point, ByteView image);
 
 /// Returns a text like "23.4 °C", "3 (run)" or "[1, 2] A".
 std::string value_text(const Value& value, const TagUnits& units);

@@ -5,6 +5,7 @@
 #include <functional>
 #include <utility>
 
+#include "agent/config/keys.h"
 #include "protocol/value/word_order.h"
 
 namespace fxagent {
@@ -13,20 +14,8 @@ namespace {
 // A tag whose bytes alternate between a value and none is reported again only after this long.
 constexpr std::chrono::minutes kValueAgain{1};
 
-/// Unpacks the bytes of a tag as another point.
-using ReadAs = std::function<Result<Value>(const Point&)>;
-
 bool is_float(DataType type) { return type == DataType::float32 || type == DataType::float64; }
 bool is_odd(const Scalar& item) { return is_absurd(number_of(item).value_or(0)); }
-
-/// Returns the hint at a likelier word order; empty if there is none.
-std::string hint_of(Point point, const ReadAs& read) {
-  const auto order = likelier_order(point, read);
-  if (!order) return {};
-  point.order = *order;
-  const auto value = read(point);
-  return value ? order_hint(*order, *value) : std::string();
-}
 
 }  // namespace
 
@@ -129,17 +118,18 @@ TagReading PollCycle::reading_of(std::size_t index, bool doubtful) const {
 
 void PollCycle::check_value(std::size_t index, const TagReading& reading, SteadyTime now) {
   const Point& point = device_.tags[reading.tag].point;
-  const auto read = [&](const Point& other) { return reads_.value_of(index, other); };
+  const ReadAs read = [&](const Point& other) { return reads_.value_of(index, other); };
+  const auto hint_of = [&] { return word_order_hint(point, word_orders(*device_.protocol), read); };
   if (reading.bad == BadReason::bad_value) {
     const auto [last, fresh] = none_at_.try_emplace(reading.tag, now);
     const auto since = now - std::exchange(last->second, now);
     if (!fresh && since < kValueAgain) return;
     if (const auto value = read(point); !value)
-      no_values_.push_back({reading.tag, value.error().text, hint_of(point, read)});
+      no_values_.push_back({reading.tag, value.error().text, hint_of()});
   } else if (!reading.bad && is_float(point.type) && !reads_.failure_of(index)) {
     const auto odd = std::ranges::find_if(reading.value.items, is_odd);
     if (odd == reading.value.items.end() || odd_orders_.contains(reading.tag)) return;
-    std::string hint = hint_of(point, read);
+    std::string hint = hint_of();
     if (hint.empty()) return;
     odd_orders_.insert(reading.tag);
     no_values_.push_back({reading.tag, "reads " + spelled(*odd), std::move(hint)});

@@ -100,10 +100,11 @@ void RetainedState::pump(SteadyTime now) {
     if (at > now) return false;
     due_.try_emplace(key);
     if (logged_.insert(key).second)
-      log::warn(
-          "retained_state_overwritten",
-          {{"topic", publication_of(key, now).topic},
-           {"note", "another client published there; the agent publishes its own state again"}});
+      log::warn("retained_state_overwritten",
+                {{"topic", publication_of(key, now).topic},
+                 {"note",
+                  "another client published there, or the broker this agent's last will; the agent "
+                  "publishes its own state again"}});
     return true;
   });
   for (auto next = due_.begin(); next != due_.end() && outgoing_.has_room();) {

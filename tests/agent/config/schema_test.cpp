@@ -131,7 +131,7 @@ TEST(ConfigSchema, WhatIsRightPassesBoth) {
     "/devices/0/tags/0/unit": [""], "/devices/0/tags/0/count": [1],
     "/devices/0/tags/0": [{"name": "t", "address": "D0", "type": "string", "length": 9}],
     "/devices/0/tags/0/scale": [-0.1], "/devices/0/tags/0/deadband": [0],
-    "/devices/0/tags/0/word_order": ["high_first"], "/devices/0/tags/0/access": ["read_write"],
+    "/devices/0/tags/0/word_order": ["high_first", "CDAB"], "/devices/0/tags/0/access": ["read_write"],
     "/devices/0/commands": [{}], "/devices/0/commands/allow": [["TN0-TN5", "CN200", "y0-y7"]],
     "/devices/0/commands/queue": [10000]})");
 }

@@ -21,7 +21,8 @@ Point float_point(DataType type, ByteOrder order, std::uint16_t count = 1) {
 /// `image` has the words in their order, each low byte first.
 std::optional<ByteOrder> likelier(DataType type, ByteOrder order, const char* image,
                                   std::uint16_t count = 1) {
-  return likelier_order(float_point(type, order, count), hex(image), 0);
+  const Bytes bytes = hex(image);
+  return likelier_order(float_point(type, order, count), kByteOrders, read_from(bytes, 0));
 }
 
 TEST(WordOrder, AnAbsurdFloatNamesTheOrderThatIsPlain) {
@@ -57,12 +58,19 @@ TEST(WordOrder, EveryElementOfAnArrayMustBePlain) {
 TEST(WordOrder, AScaleDoesNotMakeAValueAbsurd) {
   Point point = float_point(DataType::float32, ByteOrder::abcd);
   ASSERT_TRUE(set_units(point, 1e20, 0));
-  EXPECT_EQ(likelier_order(point, hex("66 43 00 80"), 0), std::nullopt);
+  const Bytes bytes = hex("66 43 00 80");
+  EXPECT_EQ(likelier_order(point, kByteOrders, read_from(bytes, 0)), std::nullopt);
 }
 
 TEST(WordOrder, TheHintNamesOrderAndValue) {
-  EXPECT_EQ(order_hint(ByteOrder::cdab, Value(Scalar(230.5))),
+  const Point point = float_point(DataType::float32, ByteOrder::abcd);
+  const Bytes swapped = hex("00 80 66 43");
+  EXPECT_EQ(word_order_hint(point, kByteOrders, read_from(swapped, 0)),
             "in word order CDAB it is 230.5: compare word_order with the device");
+  const Bytes bytes_too = hex("80 00 43 66");
+  EXPECT_NE(word_order_hint(point, kByteOrders, read_from(bytes_too, 0)), "");
+  EXPECT_EQ(word_order_hint(point, std::span(kByteOrders).first(2), read_from(bytes_too, 0)), "")
+      << "a word order that the device cannot have helps nobody";
   EXPECT_TRUE(is_absurd(std::numeric_limits<double>::denorm_min()));
   EXPECT_FALSE(is_absurd(0));
 }

@@ -99,7 +99,9 @@ TEST_F(CommandOnTheBusTest, BitOfARegisterIsNotReadAndWrittenWhereThatIsNotAllow
   const CommandResult result = write("enable", flag(false));
   EXPECT_EQ(ending(result), "FAILED nak");
   EXPECT_EQ(result.plc, PlcAnswer::nak);
-  EXPECT_EQ(result.detail, "exception 01: illegal function");
+  EXPECT_EQ(result.detail,
+            "exception 01: illegal function; with allow_read_modify_write the agent reads and "
+            "writes the whole register");
   EXPECT_EQ(result.attempts, 1);
 }
 

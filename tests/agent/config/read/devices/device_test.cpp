@@ -509,7 +509,13 @@ TEST(ConfigDevice, LengthIsForStringsAndStringsNeedIt) {
 
 TEST(ConfigDevice, WordOrderIsOneThatThisProtocolHas) {
   expect_tag_error(R"("address": "D0", "type": "int32", "word_order": "BADC")", "word_order",
-                   {"low_first or high_first"});
+                   {"low_first, high_first, ABCD or CDAB"});
+  for (const auto& [word, order] : {std::pair("CDAB", ByteOrder::cdab), {"ABCD", ByteOrder::abcd}})
+    EXPECT_EQ(first_tag(good(with_tag(
+                            R"({"name": "t", "address": "D0", "type": "int32", "word_order": ")" +
+                            std::string(word) + "\"}")))
+                  .point.order,
+              order);
   expect_tag_error(R"("address": "M0", "word_order": "low_first")", "word_order", {"bool"});
 }
 
