@@ -38,15 +38,6 @@ bool is_remembered(const CommandResult& result) {
   return !result.id.empty() && !result.dry_run && result.status != CommandStatus::duplicate;
 }
 
-/// Returns for whom the port is free, and until when.
-std::string yield_text(const Command& command, std::chrono::minutes time, std::int64_t utc_ms) {
-  if (time.count() == 0) return "the agent opens the port again";
-  const std::string& by = sender_of(command);
-  return "the port is free for another program until " +
-         utc_text(utc_ms + milliseconds(time).count()) +
-         (by.empty() ? "" : ", as " + by + " asked");
-}
-
 /// Returns the message of a result, without its place in the journal. Takes over what only the
 /// message needs.
 ResultMessage message_of(const std::string& device, CommandResult& result) {
@@ -55,9 +46,26 @@ ResultMessage message_of(const std::string& device, CommandResult& result) {
           .id = result.id,
           .text = result_text(result),
           .received = result.received,
+          .sent = result.attempts > 0,
+          .recorded = !result.recorded.empty(),
           .response_topic = std::move(result.response_topic),
           .correlation = std::move(result.correlation),
           .tell = std::move(result.tell)};
+}
+
+/// Returns the link of this name; nullptr if there is none.
+const LinkConfig* link_named(const Config& config, std::string_view name) {
+  const auto link = std::ranges::find(config.links, name, &LinkConfig::name);
+  return link == config.links.end() ? nullptr : &*link;
+}
+
+/// Returns for whom the port is free, and until when.
+std::string yield_text(const Command& command, std::chrono::minutes time, std::int64_t utc_ms) {
+  if (time.count() == 0) return "the agent opens the port again";
+  const std::string& by = sender_of(command);
+  return "the port is free for another program until " +
+         utc_text(utc_ms + milliseconds(time).count()) +
+         (by.empty() ? "" : ", as " + by + " asked");
 }
 
 audit::Receipt receipt_of(const Command& command, const std::string& device, std::string_view topic,
@@ -75,7 +83,15 @@ audit::Receipt receipt_of(const Command& command, const std::string& device, std
 }  // namespace
 
 Commands::Commands(const Config& config, Submit submit, CommandJournal* journal, Yield yield)
-    : config_(config), submit_(std::move(submit)), yield_(std::move(yield)), journal_(journal) {
+    : config_(config),
+      submit_(std::move(submit)),
+      yield_(std::move(yield)),
+      journal_(journal),
+      results_(journal, [this](const ResultMessage& result) {
+        // A device that is no longer in the config does not need it.
+        if (const auto index = device_named(result.device))
+          devices_.at(*index)->admission.note_total(result.id, *result.total);
+      }) {
   shared_->is_journaled = journal != nullptr;
   devices_.resize(config.devices.size());
   for (std::uint32_t i = 0; i < devices_.size(); ++i)
@@ -102,8 +118,12 @@ std::optional<std::uint32_t> Commands::device_named(std::string_view name) const
   return found == index_.end() ? std::nullopt : std::optional(found->second);
 }
 
+bool Commands::knows(std::string_view name) const {
+  return device_named(name).has_value() || link_named(config_, name) != nullptr;
+}
+
 Commands::Device* Commands::known_device(const std::string& name) {
-  if (const auto index = device_named(name)) return &device_at(*index);
+  if (const auto index = device_named(name)) return devices_.at(*index).get();
   const auto departed = departed_.find(name);
   return departed == departed_.end() ? nullptr : departed->second.get();
 }
@@ -111,13 +131,13 @@ Commands::Device* Commands::known_device(const std::string& name) {
 // ---- a changed config ---------------------------------------------------------------------------
 
 void Commands::begin_change(const ConfigChange& change) {
-  for (const std::uint32_t index : change.devices_end) device_at(index).admission.close();
+  for (const std::uint32_t index : change.devices_end) devices_.at(index)->admission.close();
 }
 
 std::vector<std::string> Commands::change(const ConfigChange& change, SteadyTime now) {
   std::erase_if(departed_, [now](auto& each) { return each.second->admission.has_forgotten(now); });
   for (const std::uint32_t index : change.devices_end) {
-    std::string name = name_of(index);
+    std::string name = devices_.at(index)->name;
     departed_[std::move(name)] = std::move(devices_[index]);
   }
   devices_.resize(config_.devices.size());
@@ -129,7 +149,7 @@ std::vector<std::string> Commands::change(const ConfigChange& change, SteadyTime
       not_known.push_back(config.name);
     } else {
       devices_[index] = std::move(known.mapped());
-      device_at(index).codec = config.codec;
+      devices_.at(index)->codec = config.codec;
     }
     open(index);
   }
@@ -144,13 +164,16 @@ std::vector<std::string> Commands::change(const ConfigChange& change, SteadyTime
 void Commands::receive(const std::string& name, std::string_view topic, std::string_view payload,
                        MessageProperties properties, SteadyTime now, std::int64_t utc_ms) {
   const auto device = device_named(name);
-  if (!device) {
-    if (const LinkConfig* link = link_named(name))
-      return receive_for_link(*link, topic, payload, std::move(properties), now, utc_ms);
-    return refuse_unknown(name, payload, std::move(properties));
-  }
+  if (const LinkConfig* link = device ? nullptr : link_named(config_, name))
+    return receive_for_link(*link, topic, payload, std::move(properties), now, utc_ms);
   Command command = parse_command(payload);
   static_cast<MessageProperties&>(command) = std::move(properties);
+  if (!device) {
+    Refusal why = refusal_of_unknown(command, config_, name);
+    CommandResult result = result_of(command);
+    set_outcome(result, CommandStatus::rejected, why.reason, std::move(why.detail));
+    return results_.add_unrecorded(name, std::move(result));
+  }
   command.device = *device;
   std::optional<audit::Receipt> receipt;  // with a journal
   if (journal_ != nullptr) {
@@ -158,10 +181,10 @@ void Commands::receive(const std::string& name, std::string_view topic, std::str
     receipt = receipt_of(command, name, topic, payload);
   }
   failpoint("command_received");
-  Device& to = device_at(*device);
+  Device& to = *devices_.at(*device);
   auto decision = to.admission.admit(std::move(command), to.codec, to.waiting(), now);
   if (auto* result = std::get_if<CommandResult>(&decision))
-    return take_result(std::move(*result), receipt, utc_ms);
+    return results_.add(to.name, std::move(*result), receipt, utc_ms);
   auto& admitted = std::get<AdmittedCommand>(decision);
   to.pending.emplace(admitted.command.id, std::move(admitted.place));
   if (receipt) {
@@ -172,22 +195,6 @@ void Commands::receive(const std::string& name, std::string_view topic, std::str
     to_journal_.push_back(std::move(entry));
   }
   admitted_.push_back(std::move(admitted));
-}
-
-void Commands::refuse_unknown(const std::string& name, std::string_view payload,
-                              MessageProperties properties) {
-  Command command = parse_command(payload);
-  static_cast<MessageProperties&>(command) = std::move(properties);
-  Refusal why = refusal_of_unknown(command, config_, name);
-  CommandResult result = result_of(command);
-  set_outcome(result, CommandStatus::rejected, why.reason, std::move(why.detail));
-  ++counts_[result.status];
-  results_.push_back(message_of(name, result));
-}
-
-const LinkConfig* Commands::link_named(std::string_view name) const {
-  const auto link = std::ranges::find(config_.links, name, &LinkConfig::name);
-  return link == config_.links.end() ? nullptr : &*link;
 }
 
 std::optional<Refusal> Commands::refusal_for_link(const LinkConfig& link, const Command& command,
@@ -218,11 +225,7 @@ void Commands::receive_for_link(const LinkConfig& link, std::string_view topic,
                  result = result_of(command),
                  utc_ms](CommandStatus status, Reason reason, std::string detail) mutable {
     set_outcome(result, status, reason, std::move(detail));
-    ++counts_[status];
-    note_last(name, result, utc_ms);
-    ResultMessage message = message_of(name, result);
-    if (journal_ != nullptr) journal_->note(audit::answered(receipt, message.text, utc_ms));
-    results_.push_back(std::move(message));
+    results_.add_for_link(name, std::move(result), receipt, utc_ms);
   };
   if (auto refusal = refusal_for_link(link, command, now, utc_ms)) {
     const Reason why = refusal->reason;
@@ -267,9 +270,12 @@ void Commands::hand_over(std::int64_t utc_ms) {
 void Commands::restore(Recovered known, SteadyTime now, std::int64_t utc_ms) {
   for (const KnownId& id : known.ids)
     if (Device* device = known_device(id.device)) device->admission.restore(id, now, utc_ms);
-  for (CommandResult& result : known.unacknowledged) take_result(std::move(result), {}, utc_ms);
+  for (CommandResult& result : known.unacknowledged) {
+    const std::string& device = devices_.at(result.device)->name;
+    results_.add(device, std::move(result), {}, utc_ms);
+  }
   for (const Command& command : known.interrupted) {
-    Device& device = device_at(command.device);
+    Device& device = *devices_.at(command.device);
     auto admitted = device.admission.interrupted(command, device.codec, now);
     if (admitted) {
       device.pending.emplace(command.id, nullptr);
@@ -283,14 +289,8 @@ void Commands::restore(Recovered known, SteadyTime now, std::int64_t utc_ms) {
   }
 }
 
-void Commands::set_codec(std::uint32_t device, std::shared_ptr<const Codec> codec) {
-  device_at(device).codec = std::move(codec);
-}
-
-// ---- from the field to the broker ---------------------------------------------------------------
-
 void Commands::finish(CommandResult result, std::int64_t utc_ms) {
-  Device& device = device_at(result.device);
+  Device& device = *devices_.at(result.device);
   const auto pending = device.pending.find(result.id);
   if (pending != device.pending.end()) {
     // An earlier run received it, by another steady clock.
@@ -298,11 +298,59 @@ void Commands::finish(CommandResult result, std::int64_t utc_ms) {
     device.pending.erase(pending);
   }
   device.admission.finished(result);
-  take_result(std::move(result), {}, utc_ms);
+  results_.add(device.name, std::move(result), {}, utc_ms);
 }
 
-void Commands::note_last(const std::string& device, const CommandResult& result,
-                         std::int64_t utc_ms) {
+// ---- results ------------------------------------------------------------------------------------
+
+void CommandResults::add(const std::string& device, CommandResult result,
+                         const std::optional<audit::Receipt>& receipt, std::int64_t utc_ms) {
+  ++counts_[result.status];
+  if (result.recorded.empty()) note_last(device, result, utc_ms);
+  find_first(device, result);
+  failpoint("result_taken");
+  ResultMessage message = message_of(device, result);
+  message.is_first = is_remembered(result);
+  if (journal_ != nullptr && !message.recorded) {
+    JournalEntry entry;
+    entry.device = message.device;
+    if (receipt)
+      entry.audit = audit::answered(*receipt, message.text, utc_ms);
+    else if (result.number != 0)
+      entry.audit = audit::result(result.number, entry.device, message.text, result.frames, utc_ms);
+    if (message.is_first) {
+      entry.id = result.id;
+      // The row of an admitted command has its deadline already.
+      entry.received_ms = entry.deadline_ms = result.received_ms;
+      entry.op = result.op;
+      entry.response_topic = message.response_topic;
+      entry.correlation = message.correlation;
+      entry.result = message.text;
+      entry.number = result.number;
+      entry.refused =
+          result.status == CommandStatus::rejected || result.status == CommandStatus::expired;
+      to_record_.push_back(std::move(entry));
+    } else {
+      journal_->note(std::move(entry.audit));
+    }
+  }
+  waiting_.push_back(std::move(message));
+}
+
+void CommandResults::add_for_link(const std::string& link, CommandResult result,
+                                  const audit::Receipt& receipt, std::int64_t utc_ms) {
+  note_last(link, result, utc_ms);
+  add_unrecorded(link, std::move(result));
+  if (journal_ != nullptr) journal_->note(audit::answered(receipt, waiting_.back().text, utc_ms));
+}
+
+void CommandResults::add_unrecorded(const std::string& name, CommandResult result) {
+  ++counts_[result.status];
+  waiting_.push_back(message_of(name, result));
+}
+
+void CommandResults::note_last(const std::string& device, const CommandResult& result,
+                               std::int64_t utc_ms) {
   static const TargetResult none;
   const TargetResult& first = result.targets.empty() ? none : result.targets.front();
   last_.push_back(std::make_shared<const LastCommand>(
@@ -324,49 +372,11 @@ void Commands::note_last(const std::string& device, const CommandResult& result,
   if (last_.size() > kLastCommands) last_.pop_front();
 }
 
-void Commands::take_result(CommandResult result, const std::optional<audit::Receipt>& receipt,
-                           std::int64_t utc_ms) {
-  ++counts_[result.status];
-  if (result.recorded.empty()) note_last(name_of(result.device), result, utc_ms);
-  find_first(result);
-  failpoint("result_taken");
-  ResultMessage message = message_of(name_of(result.device), result);
-  message.sent = result.attempts > 0;
-  message.recorded = !result.recorded.empty();
-  message.is_first = is_remembered(result);
-  message.journaled = journal_ != nullptr && message.is_first;
-  if (journal_ != nullptr && !message.recorded) {
-    JournalEntry entry;
-    entry.device = message.device;
-    if (receipt)
-      entry.audit = audit::answered(*receipt, message.text, utc_ms);
-    else if (result.number != 0)
-      entry.audit = audit::result(result.number, entry.device, message.text, result.frames, utc_ms);
-    if (message.journaled) {
-      entry.id = result.id;
-      entry.received_ms = result.received_ms;
-      entry.deadline_ms =
-          result.received_ms;  // the row of an admitted command has its deadline already
-      entry.op = result.op;
-      entry.response_topic = message.response_topic;
-      entry.correlation = message.correlation;
-      entry.result = message.text;
-      entry.number = result.number;
-      entry.refused =
-          result.status == CommandStatus::rejected || result.status == CommandStatus::expired;
-      to_record_.push_back(std::move(entry));
-    } else {
-      journal_->note(std::move(entry.audit));
-    }
-  }
-  results_.push_back(std::move(message));
-}
-
 /// Finds the first result of a DUPLICATE in the journal, unless that was lost or set aside.
-void Commands::find_first(CommandResult& result) {
+void CommandResults::find_first(const std::string& device, CommandResult& result) {
   if (!result.first_number || result.first || journal_ == nullptr) return;
-  record_results();
-  const auto known = journal_->find(name_of(result.device), result.id);
+  record();
+  const auto known = journal_->find(device, result.id);
   if (!known || known->result.empty() || known->number != result.first_number) {
     result.detail =
         journal_->hangs()
@@ -376,7 +386,9 @@ void Commands::find_first(CommandResult& result) {
     return;
   }
   std::string text = known->result;
-  if (const auto total = total_of(known->number)) text = with_total(std::move(text), *total);
+  const auto total =
+      std::ranges::find(totals_, known->number, [](const auto& each) { return each.first; });
+  if (total != totals_.end()) text = with_total(std::move(text), total->second);
   CommandResult first = recorded_result(std::move(text));
   first.id = result.id;
   first.id_is_number = result.id_is_number;
@@ -384,40 +396,30 @@ void Commands::find_first(CommandResult& result) {
   result.first = std::make_shared<const CommandResult>(std::move(first));
 }
 
-void Commands::record_results() {
+void CommandResults::record() {
   if (to_record_.empty()) return;
   journal_->record(std::exchange(to_record_, {}));
   failpoint("result_recorded");
 }
 
-std::vector<ResultMessage> Commands::take_results() {
-  record_results();
-  return std::exchange(results_, {});
+std::vector<ResultMessage> CommandResults::take() {
+  record();
+  return std::exchange(waiting_, {});
 }
 
-void Commands::note_total(const ResultMessage& result) {
+void CommandResults::note_total(const ResultMessage& result) {
   if (!result.is_first || !result.total) return;
-  if (journal_ == nullptr) {
-    // A device that is no longer in the config does not need it.
-    if (const auto index = device_named(result.device))
-      device_at(*index).admission.note_total(result.id, *result.total);
-    return;
-  }
+  if (journal_ == nullptr) return keep_total_(result);
   totals_.emplace_back(result.number, *result.total);
   if (totals_.size() > kTotalsKept) totals_.pop_front();
 }
 
-std::optional<std::chrono::nanoseconds> Commands::total_of(std::uint64_t number) const {
-  const auto found =
-      std::ranges::find(totals_, number, [](const auto& each) { return each.first; });
-  return found == totals_.end() ? std::nullopt : std::optional(found->second);
-}
-
-void Commands::note_delivery(const ResultMessage& result, bool acknowledged, std::int64_t utc_ms) {
+void CommandResults::note_delivery(const ResultMessage& result, bool acknowledged,
+                                   std::int64_t utc_ms) {
   if (journal_ == nullptr) return;
   if (result.number != 0)
     journal_->note(audit::delivery(result.number, result.device, result.id, acknowledged, utc_ms));
-  if (result.journaled)
+  if (result.is_first)
     journal_->acknowledge(result.device, result.id, result.number,
                           result.total ? total_text(*result.total) : std::string());
 }

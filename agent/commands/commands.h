@@ -1,8 +1,8 @@
 // Every command of the agent, from its message to its acknowledged result: parsing, admission,
-// journal, audit, result text. The only owner of "exactly one result": no other class counts,
-// remembers or records commands and results. No threads, no clock, no I/O except the journal's.
-// Uplink thread; restore() also before that thread starts. The command line uses CommandAdmission
-// directly.
+// journal, audit, result text. Commands and CommandResults are the only owners of "exactly one
+// result": no other class counts, remembers or records commands and results. No threads, no clock,
+// no I/O except the journal's. Uplink thread; Commands::restore() also before that thread starts.
+// The command line uses CommandAdmission directly.
 #pragma once
 
 #include <chrono>
@@ -35,12 +35,11 @@ struct ResultMessage {
   std::string device;        ///< its name, which may no longer be in the config
   std::uint64_t number = 0;  ///< of its command
   std::string id;
-  std::string text;        ///< JSON; with_total() completes it
-  SteadyTime received{};   ///< of its command; epoch: by an earlier run
-  bool sent = false;       ///< the command was sent to its device
-  bool recorded = false;   ///< from an earlier run: the text is complete
-  bool is_first = false;   ///< remembered with its id
-  bool journaled = false;  ///< the journal records the acknowledgement
+  std::string text;       ///< JSON; with_total() completes it
+  SteadyTime received{};  ///< of its command; epoch: by an earlier run
+  bool sent = false;      ///< the command was sent to its device
+  bool recorded = false;  ///< from an earlier run: the text is complete
+  bool is_first = false;  ///< remembered with its id, and in the journal if there is one
   /// Total latency until the hand-over to MQTT; nullopt: not handed over, or by an earlier run.
   std::optional<std::chrono::nanoseconds> total{};
   std::string response_topic;
@@ -53,6 +52,55 @@ inline std::size_t bytes_of(const ResultMessage& result) {
          result.correlation.size();
 }
 
+/// Results on their way to the broker: counted, shown in the status, recorded in the journal and
+/// the audit, and queued until the uplink takes them. Completes a DUPLICATE with the first result.
+class CommandResults final {
+ public:
+  /// `journal` outlives it; null: there is none. Then `keep_total` gets each result whose total is
+  /// known, for the memory of ids.
+  CommandResults(CommandJournal* journal, std::function<void(const ResultMessage&)> keep_total)
+      : journal_(journal), keep_total_(std::move(keep_total)) {}
+
+  // Commands calls one of these for each command.
+  /// Takes the result for a device. `receipt`: of its command, if that is not in the audit yet.
+  void add(const std::string& device, CommandResult result,
+           const std::optional<audit::Receipt>& receipt, std::int64_t utc_ms);
+  /// Takes the result of a command for a link. The journal does not remember its id.
+  void add_for_link(const std::string& link, CommandResult result, const audit::Receipt& receipt,
+                    std::int64_t utc_ms);
+  /// Takes the refusal for a name that is not in the config. Neither journal nor audit has it.
+  void add_unrecorded(const std::string& name, CommandResult result);
+
+  /// Returns results for the broker, in the order in which they came. The journal has those of
+  /// admitted commands by now.
+  std::vector<ResultMessage> take();
+  /// Call when the result was handed over to MQTT for the first time: `total` is known.
+  void note_total(const ResultMessage& result);
+  /// Call when the broker has acknowledged the result, or refused it for good.
+  void note_delivery(const ResultMessage& result, bool acknowledged, std::int64_t utc_ms);
+
+  /// Number of results by status, since the start.
+  const std::map<CommandStatus, std::uint64_t>& counts() const { return counts_; }
+  /// Newest results of this run, newest last.
+  const std::deque<std::shared_ptr<const LastCommand>>& last() const { return last_; }
+
+ private:
+  void note_last(const std::string& device, const CommandResult& result, std::int64_t utc_ms);
+  void find_first(const std::string& device, CommandResult& result);
+  void record();
+
+  CommandJournal* const journal_;
+  const std::function<void(const ResultMessage&)> keep_total_;
+  std::vector<JournalEntry> to_record_;
+  std::vector<ResultMessage> waiting_;
+  /// Total latencies of the newest results, by command number. The journal gets them only with the
+  /// acknowledgement.
+  std::deque<std::pair<std::uint64_t, std::chrono::nanoseconds>> totals_;
+  std::map<CommandStatus, std::uint64_t> counts_;
+  std::deque<std::shared_ptr<const LastCommand>> last_;
+};
+
+/// Commands from their message to the field, and back to their result.
 class Commands final {
  public:
   using Submit = std::function<void(AdmittedCommand)>;
@@ -69,9 +117,9 @@ class Commands final {
   /// Returns the index of a device by its name; nullopt if there is none.
   std::optional<std::uint32_t> device_named(std::string_view name) const;
   /// True if a device or a link has the name.
-  bool knows(std::string_view name) const {
-    return device_named(name).has_value() || link_named(name) != nullptr;
-  }
+  bool knows(std::string_view name) const;
+  /// Returns the results, for their delivery and the status. Valid as long as this object.
+  CommandResults& results() { return results_; }
 
   /// Rejects later commands for devices that end in the change, with `reloading`.
   void begin_change(const ConfigChange& change);
@@ -80,14 +128,14 @@ class Commands final {
   /// what earlier runs left of them must be restored.
   std::vector<std::string> change(const ConfigChange& change, SteadyTime now);
 
-  /// Takes over what earlier runs left: remembers the ids, queues the results for take_results(),
-  /// and submits the read-back of each interrupted write, or finishes it if reading cannot show the
+  /// Takes over what earlier runs left: remembers the ids, adds the results to results(), and
+  /// submits the read-back of each interrupted write, or finishes it if reading cannot show the
   /// outcome. Call again for devices that join, or a store that opens late. `utc_ms` is the
   /// calendar time of `now`.
   void restore(Recovered known, SteadyTime now, std::int64_t utc_ms);
 
   /// Takes a message on the command topic of the device with this name, or else of the link. There
-  /// is one result for it, in take_results() now or later. An admitted command goes to the field
+  /// is one result for it, in results(), now or later. An admitted command goes to the field
   /// with hand_over(). If nothing in the config has the name, the result is REJECTED, and neither
   /// the command nor its id is remembered.
   void receive(const std::string& name, std::string_view topic, std::string_view payload,
@@ -99,25 +147,14 @@ class Commands final {
   /// Takes the result of an admitted command.
   void finish(CommandResult result, std::int64_t utc_ms);
   /// Sets the codec of a device whose model was identified: its addresses may mean something else.
-  void set_codec(std::uint32_t device, std::shared_ptr<const Codec> codec);
+  void set_codec(std::uint32_t device, std::shared_ptr<const Codec> codec) {
+    devices_.at(device)->codec = std::move(codec);
+  }
   /// Rejects every later command that would be admitted, with `shutting_down`.
   void close() { shared_->is_stopping = true; }
   /// Rejects every later command that would be admitted, with `conflict`: another agent, of boot
   /// `other_boot`, has our id. Empty: there is none.
   void set_conflict(const std::string& other_boot) { shared_->conflict = other_boot; }
-
-  /// Returns results for the broker, in the order in which they came. The journal has those of
-  /// admitted commands by now.
-  std::vector<ResultMessage> take_results();
-  /// Call when the result was handed over to MQTT for the first time: `total` is known.
-  void note_total(const ResultMessage& result);
-  /// Call when the broker has acknowledged the result, or refused it for good.
-  void note_delivery(const ResultMessage& result, bool acknowledged, std::int64_t utc_ms);
-
-  /// Number of results by status, since the start.
-  const std::map<CommandStatus, std::uint64_t>& counts() const { return counts_; }
-  /// Newest results of this run, newest last.
-  const std::deque<std::shared_ptr<const LastCommand>>& last() const { return last_; }
 
  private:
   struct Device {
@@ -136,29 +173,15 @@ class Commands final {
 
   /// Returns a device that is in the config, or was; nullptr if it never was in this run.
   Device* known_device(const std::string& name);
-  Device& device_at(std::uint32_t index) { return *devices_.at(index); }
-  const std::string& name_of(std::uint32_t index) const { return devices_.at(index)->name; }
   /// Begins to admit commands of a device, or goes on by its new config.
   void open(std::uint32_t index);
   void list_names();
 
-  /// Returns the link of this name; nullptr if there is none.
-  const LinkConfig* link_named(std::string_view name) const;
-
   void receive_for_link(const LinkConfig& link, std::string_view topic, std::string_view payload,
                         MessageProperties properties, SteadyTime now, std::int64_t utc_ms);
-  void refuse_unknown(const std::string& name, std::string_view payload,
-                      MessageProperties properties);
   /// Returns why the command for the link is not carried out; nullopt: it is.
   std::optional<Refusal> refusal_for_link(const LinkConfig& link, const Command& command,
                                           SteadyTime now, std::int64_t utc_ms) const;
-  /// `receipt`: of its command, if that is not in the audit yet.
-  void take_result(CommandResult result, const std::optional<audit::Receipt>& receipt,
-                   std::int64_t utc_ms);
-  void note_last(const std::string& device, const CommandResult& result, std::int64_t utc_ms);
-  void find_first(CommandResult& result);
-  std::optional<std::chrono::nanoseconds> total_of(std::uint64_t number) const;
-  void record_results();
 
   const Config& config_;
   const Submit submit_;
@@ -170,16 +193,10 @@ class Commands final {
   /// Devices that are no longer in the config, by name. Their ids stay known as long as the
   /// contract says, in case they come back.
   std::map<std::string, std::unique_ptr<Device>, std::less<>> departed_;
+  CommandResults results_;
   std::deque<std::string> link_ids_;  ///< "link id" of the newest commands for links
   std::vector<AdmittedCommand> admitted_;
   std::vector<JournalEntry> to_journal_;  ///< entries of admitted_
-  std::vector<JournalEntry> to_record_;
-  std::vector<ResultMessage> results_;
-  /// Total latencies of the newest results, by command number. The journal gets them only with the
-  /// acknowledgement.
-  std::deque<std::pair<std::uint64_t, std::chrono::nanoseconds>> totals_;
-  std::map<CommandStatus, std::uint64_t> counts_;
-  std::deque<std::shared_ptr<const LastCommand>> last_;
 };
 
 }  // namespace fxagent

@@ -43,7 +43,7 @@ Publisher::Publisher(Config& config, PublisherSettings settings, JsonPayload& pa
                    return retained(config_.base_topic() + "/health",
                                    json::health(*status_.at(now), config_));
                  }}),
-      results_(config, commands, outgoing_, backoff_, utc_ms_),
+      results_(config, commands.results(), outgoing_, backoff_, utc_ms_),
       spool_(store, settings_.backlog_bytes),
       refused_(backoff_),
       samples_out_(config, settings_.boot, payload, outgoing_, refused_, spool_),
@@ -51,8 +51,9 @@ Publisher::Publisher(Config& config, PublisherSettings settings, JsonPayload& pa
       drops_(spool_, store, session_),
       intake_(commands, broker, config.mqtt),
       status_(
-          {config, commands, session_, subscriptions_, states_, retained_, spool_, results_,
-           samples_out_, history_, refused_, store, outlets_, settings_.boot, settings_.version},
+          {config, commands.results(), session_, subscriptions_, states_, retained_, spool_,
+           results_, samples_out_, history_, refused_, store, outlets_, settings_.boot,
+           settings_.version},
           utc_ms_, [this] { outbox_.notify(); }, std::move(ask_counters)),
       farewell_(payload, outgoing_, utc_ms_),
       shutdown_(broker, session_, farewell_),
@@ -187,7 +188,7 @@ void Publisher::take_commands(SteadyTime now) {
   recover_other_gateway(now);
   if (outbox_.refuses_commands()) commands_.close();
   intake_.take_some(now, utc_ms_());
-  for (ResultMessage& result : commands_.take_results()) results_.add(std::move(result), now);
+  for (ResultMessage& result : commands_.results().take()) results_.add(std::move(result), now);
 }
 
 void Publisher::take_order(Order order, SteadyTime now) {

@@ -24,7 +24,7 @@ constexpr std::size_t kLeastShared = 4;
 
 }  // namespace
 
-ResultDelivery::ResultDelivery(const Config& config, Commands& commands, Outgoing& outgoing,
+ResultDelivery::ResultDelivery(const Config& config, CommandResults& commands, Outgoing& outgoing,
                                JitteredBackoff& backoff, UtcClock utc_ms)
     : base_(config.base_topic()),
       commands_(commands),

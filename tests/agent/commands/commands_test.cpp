@@ -93,7 +93,7 @@ struct CommandsTest : ::testing::Test {
   }
   std::vector<json> results() {
     std::vector<json> found;
-    for (const ResultMessage& result : commands().take_results())
+    for (const ResultMessage& result : commands().results().take())
       found.push_back(json::parse(result.text));
     return found;
   }
@@ -328,11 +328,11 @@ TEST_F(CommandsTest, EachTargetOfAnInterruptedListIsUnknownWhereAReadDoesNotTell
 TEST_F(CommandsTest, DeliveryIsNotedForWhatTheJournalHas) {
   carry_out("a");
   receive("{}");
-  const auto taken = commands().take_results();
+  const auto taken = commands().results().take();
   ASSERT_EQ(taken.size(), 2U);
   journal.happened.clear();
   journal.audits.clear();
-  for (const ResultMessage& each : taken) commands().note_delivery(each, true, kNow + 5);
+  for (const ResultMessage& each : taken) commands().results().note_delivery(each, true, kNow + 5);
   EXPECT_EQ(journal.happened, "acknowledge press1 a 1; ");
   ASSERT_EQ(journal.audits.size(), 2U);
   EXPECT_EQ(journal.audits[1]["acknowledged"], true);
@@ -347,11 +347,11 @@ TEST_F(CommandsTest, ResultOfAnEarlierRunIsPublishedAsItWas) {
   result.recorded = R"({"id":"old","t":{"total_ms":null}})";
   known.unacknowledged.push_back(result);
   commands().restore(std::move(known), now, kNow);
-  const auto taken = commands().take_results();
+  const auto taken = commands().results().take();
   ASSERT_EQ(taken.size(), 1U);
   EXPECT_EQ(taken[0].text, result.recorded);
   EXPECT_TRUE(taken[0].recorded);
-  EXPECT_TRUE(taken[0].journaled);
+  EXPECT_TRUE(taken[0].is_first);
   EXPECT_EQ(journal.happened, "") << "it is there already";
 }
 
@@ -386,11 +386,11 @@ TEST_F(CommandsTest, TotalOfAnEarlierResultIsKnownToItsDuplicate) {
   for (const char* id : {"a", "b"}) write(id);
   commands().hand_over(kNow);
   for (const char* id : {"a", "b"}) finish(id);
-  auto taken = commands().take_results();
+  auto taken = commands().results().take();
   ASSERT_EQ(taken.size(), 2U);
   for (ResultMessage& each : taken) {
     each.total = milliseconds(120);
-    commands().note_total(each);
+    commands().results().note_total(each);
   }
   for (const char* id : {"a", "b"}) {
     write(id);
@@ -401,8 +401,8 @@ TEST_F(CommandsTest, TotalOfAnEarlierResultIsKnownToItsDuplicate) {
 TEST_F(CommandsTest, EachResultIsCounted) {
   write("a");
   carry_out("a");
-  EXPECT_EQ(commands().counts().at(CommandStatus::succeeded), 1U);
-  EXPECT_EQ(commands().counts().at(CommandStatus::duplicate), 1U);
+  EXPECT_EQ(commands().results().counts().at(CommandStatus::succeeded), 1U);
+  EXPECT_EQ(commands().results().counts().at(CommandStatus::duplicate), 1U);
 }
 
 TEST_F(CommandsTest, LastOnesAreKnownWithWhatBecameOfThem) {
@@ -410,7 +410,7 @@ TEST_F(CommandsTest, LastOnesAreKnownWithWhatBecameOfThem) {
   receive(R"({"id":"b","op":"write","tag":"nowhere","value":1})", 1);
   commands().hand_over(kNow);
   finish("a");
-  const auto& last = commands().last();
+  const auto& last = commands().results().last();
   ASSERT_EQ(last.size(), 2U);
   EXPECT_EQ(last[0]->device, "press2");
   EXPECT_EQ(last[0]->id, "b");
@@ -436,7 +436,7 @@ TEST_F(CommandsTest, ResultThatAnEarlierRunGaveIsNoLastOne) {
   result.recorded = R"({"id":"old"})";
   known.unacknowledged.push_back(result);
   commands().restore(std::move(known), now, kNow);
-  EXPECT_TRUE(commands().last().empty());
+  EXPECT_TRUE(commands().results().last().empty());
 }
 
 // ---- a changed config ---------------------------------------------------------------------------
@@ -575,12 +575,12 @@ TEST_F(CommandsChangeTest, ResultOfADeviceThatIsGoneIsStillAcknowledged) {
   order("a");
   begin_change(without_press1());
   finish("a");
-  auto left = commands().take_results();
+  auto left = commands().results().take();
   end_change();
   ASSERT_EQ(left.size(), 1U);
   EXPECT_EQ(left[0].device, "press1");
-  commands().note_total(left[0]);
-  commands().note_delivery(left[0], true, kNow);
+  commands().results().note_total(left[0]);
+  commands().results().note_delivery(left[0], true, kNow);
   EXPECT_NE(journal.happened.find("acknowledge press1 a"), std::string::npos);
 }
 

@@ -137,7 +137,7 @@ void AgentLife::take_outbox() {
 
 void AgentLife::publish_results() {
   if (fate_.has_ended()) return;
-  for (ResultMessage& message : commands_.take_results()) {
+  for (ResultMessage& message : commands_.results().take()) {
     if (fate_.ends_here("before the result is published")) return;
     publish_(commands_.device_named(message.device).value(),
              message.recorded ? message.text
@@ -151,7 +151,7 @@ void AgentLife::publish_results() {
 void AgentLife::take_acknowledgements() {
   std::erase_if(in_flight_, [this](const InFlight& each) {
     if (each.acknowledged_at > Clock::now() || fate_.has_ended()) return false;
-    commands_.note_delivery(each.message, true, path_utc_ms());
+    commands_.results().note_delivery(each.message, true, path_utc_ms());
     return true;
   });
 }
