@@ -134,19 +134,18 @@ void Commands::begin_change(const ConfigChange& change) {
   for (const std::uint32_t index : change.devices_end) devices_.at(index)->admission.close();
 }
 
-std::vector<std::string> Commands::change(const ConfigChange& change, SteadyTime now) {
+void Commands::change(const ConfigChange& change, SteadyTime now) {
   std::erase_if(departed_, [now](auto& each) { return each.second->admission.has_forgotten(now); });
   for (const std::uint32_t index : change.devices_end) {
     std::string name = devices_.at(index)->name;
     departed_[std::move(name)] = std::move(devices_[index]);
   }
   devices_.resize(config_.devices.size());
-  std::vector<std::string> not_known;
   for (const std::uint32_t index : change.devices_begin) {
     const DeviceConfig& config = config_.devices[index];
     auto known = departed_.extract(config.name);
     if (known.empty()) {
-      not_known.push_back(config.name);
+      joined_.push_back(config.name);
     } else {
       devices_[index] = std::move(known.mapped());
       devices_.at(index)->codec = config.codec;
@@ -156,7 +155,14 @@ std::vector<std::string> Commands::change(const ConfigChange& change, SteadyTime
   // Nothing that admission knows has changed, but the device has another address.
   for (const std::uint32_t index : change.devices_adjusted) open(index);
   list_names();
-  return not_known;
+}
+
+void Commands::recover_joined(SteadyTime now, std::int64_t utc_ms) {
+  if (joined_.empty() || journal_ == nullptr || journal_->hangs()) return;
+  Recovered known = recover_of(joined_, config_, *journal_, utc_ms, now);
+  if (journal_->hangs()) return;  // it was not read; try again
+  joined_.clear();
+  restore(std::move(known), now, utc_ms);
 }
 
 // ---- from the message to the field --------------------------------------------------------------

@@ -124,14 +124,15 @@ class Commands final {
   /// Rejects later commands for devices that end in the change, with `reloading`.
   void begin_change(const ConfigChange& change);
   /// Call when the config is that of the change, and each admitted command of a device that ends
-  /// has its result. Devices that begin start to admit. Returns the names that are new to this run:
-  /// what earlier runs left of them must be restored.
-  std::vector<std::string> change(const ConfigChange& change, SteadyTime now);
+  /// has its result. Devices that begin start to admit.
+  void change(const ConfigChange& change, SteadyTime now);
+  /// Restores what earlier runs left of devices that are new to this run since a change(). Does
+  /// nothing while the journal hangs: call again.
+  void recover_joined(SteadyTime now, std::int64_t utc_ms);
 
   /// Takes over what earlier runs left: remembers the ids, adds the results to results(), and
   /// submits the read-back of each interrupted write, or finishes it if reading cannot show the
-  /// outcome. Call again for devices that join, or a store that opens late. `utc_ms` is the
-  /// calendar time of `now`.
+  /// outcome. Call again for a store that opens late. `utc_ms` is the calendar time of `now`.
   void restore(Recovered known, SteadyTime now, std::int64_t utc_ms);
 
   /// Takes a message on the command topic of the device with this name, or else of the link. There
@@ -193,6 +194,7 @@ class Commands final {
   /// Devices that are no longer in the config, by name. Their ids stay known as long as the
   /// contract says, in case they come back.
   std::map<std::string, std::unique_ptr<Device>, std::less<>> departed_;
+  std::vector<std::string> joined_;  ///< until recover_joined()
   CommandResults results_;
   std::deque<std::string> link_ids_;  ///< "link id" of the newest commands for links
   std::vector<AdmittedCommand> admitted_;

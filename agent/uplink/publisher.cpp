@@ -161,14 +161,6 @@ SteadyTime Publisher::keep_outlets(SteadyTime now) {
   return wake;
 }
 
-void Publisher::recover_joined(SteadyTime now) {
-  if (joined_.empty() || store_ == nullptr || store_->hangs()) return;
-  Recovered known = recover_of(joined_, config_, store_->journal(), utc_ms_(), now);
-  if (store_->hangs()) return;  // the store was not read; try again
-  joined_.clear();
-  commands_.restore(std::move(known), now, utc_ms_());
-}
-
 void Publisher::recover_other_gateway(SteadyTime now) {
   for (Unanswered& each : std::exchange(unanswered_, {})) {
     if (store_ == nullptr || is_changing_) return;  // it asks again
@@ -184,10 +176,11 @@ void Publisher::recover_other_gateway(SteadyTime now) {
 }
 
 void Publisher::take_commands(SteadyTime now) {
-  recover_joined(now);
+  const std::int64_t utc_ms = utc_ms_();
+  commands_.recover_joined(now, utc_ms);
   recover_other_gateway(now);
   if (outbox_.refuses_commands()) commands_.close();
-  intake_.take_some(now, utc_ms_());
+  intake_.take_some(now, utc_ms);
   for (ResultMessage& result : commands_.results().take()) results_.add(std::move(result), now);
 }
 
@@ -310,8 +303,7 @@ std::optional<std::vector<std::uint64_t>> Publisher::change(const ConfigChange& 
   std::vector<std::string> begin;
   for (const std::uint32_t device : change.devices_begin)
     begin.push_back(change.config.devices[device].name);
-  const std::vector<std::string> joined = commands_.change(change, now);
-  joined_.insert(joined_.end(), joined.begin(), joined.end());
+  commands_.change(change, now);
   states_.change(change);
   retained_.change(change);
   samples_out_.change(change);

@@ -136,9 +136,6 @@ class Publisher final {
   void take_found_late(SteadyTime now);
   void take_outbox(SteadyTime now);
   void take_commands(SteadyTime now);
-  /// Recovers what earlier runs left of devices that a config change has added. Tries again later
-  /// if the store hangs.
-  void recover_joined(SteadyTime now);
   /// Recovers commands that the other gateway of a pair left.
   void recover_other_gateway(SteadyTime now);
   /// Returns the time by which it must be called again.
@@ -188,9 +185,6 @@ class Publisher final {
   /// From begin_change() to change(). Nothing is taken from a store that opens meanwhile: rows
   /// recovered for a device that ends with the change would come too late.
   bool is_changing_ = false;
-  /// Devices that were in no config of this run before: what earlier runs left of them is to be
-  /// recovered.
-  std::vector<std::string> joined_;
   std::vector<Unanswered> unanswered_;  ///< until the next step()
   bool samples_first_ = false;  ///< samples go before results, in a window too small to share
   /// Devices of commands that may have written and whose results are not handed over yet.
