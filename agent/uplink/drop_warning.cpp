@@ -17,7 +17,7 @@ struct Explained {
   std::string note;
 };
 
-Explained explained(DropCause cause, const SampleSpool& spool, const GuardedStore* store) {
+Explained explained(DropCause cause, const WaitingSamples& waiting, const GuardedStore* store) {
   switch (cause) {
     case DropCause::outbox:
       return {"samples arrived faster than the agent could store or send them",
@@ -27,7 +27,7 @@ Explained explained(DropCause cause, const SampleSpool& spool, const GuardedStor
               "see sample_refused and history_refused in the log"};
     case DropCause::memory:
       return {"the memory for samples that wait is full: " +
-                  std::to_string(spool.backlog().max_bytes()) + " bytes",
+                  std::to_string(waiting.backlog().max_bytes()) + " bytes",
               store == nullptr ? "set store.path, so that samples wait on disk"
                                : "the disk of store.path refuses: see store in the log"};
     case DropCause::store:
@@ -47,7 +47,7 @@ Explained explained(DropCause cause, const SampleSpool& spool, const GuardedStor
 }  // namespace
 
 void DropWarning::keep(SteadyTime now) {
-  const std::uint64_t before = std::exchange(total_, spool_.dropped().total());
+  const std::uint64_t before = std::exchange(total_, waiting_.dropped().total());
   if (total_ != before) {
     if (!loss_) loss_ = Loss{.before = before};
     loss_->last = now;
@@ -61,7 +61,7 @@ void DropWarning::keep(SteadyTime now) {
 }
 
 void DropWarning::warn(Loss& loss, SteadyTime now) const {
-  auto [reason, note] = explained(spool_.dropped().last_cause(), spool_, store_);
+  auto [reason, note] = explained(waiting_.dropped().last_cause(), waiting_, store_);
   const auto [warned, is_new] = loss.warned.try_emplace(reason, now);
   if (!is_new && now < warned->second + kWarnEvery) return;
   warned->second = now;

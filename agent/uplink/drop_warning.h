@@ -17,11 +17,11 @@ namespace fxagent {
 
 class DropWarning final {
  public:
-  /// All references outlive the object. `store` is that of the spool; null: none. `profile` names
+  /// All references outlive the object. `store` is that of `waiting`; null: none. `profile` names
   /// the session in the log; empty: it is the agent's own.
-  DropWarning(const SampleSpool& spool, const GuardedStore* store, const Session& session,
+  DropWarning(const WaitingSamples& waiting, const GuardedStore* store, const Session& session,
               std::string profile = {})
-      : spool_(spool), store_(store), session_(session), profile_(std::move(profile)) {}
+      : waiting_(waiting), store_(store), session_(session), profile_(std::move(profile)) {}
 
   /// Logs what is due. Call in each step, after the spool's work. The loss has ended if the session
   /// is connected and no sample was lost for ten minutes.
@@ -37,7 +37,7 @@ class DropWarning final {
   void warn(Loss& loss, SteadyTime now) const;
   std::string broker(SteadyTime now) const;
 
-  const SampleSpool& spool_;
+  const WaitingSamples& waiting_;
   const GuardedStore* const store_;
   const Session& session_;
   const std::string profile_;

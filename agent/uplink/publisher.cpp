@@ -47,8 +47,8 @@ Publisher::Publisher(Config& config, PublisherSettings settings, JsonPayload& pa
       spool_(store, settings_.backlog_bytes),
       refused_(backoff_),
       samples_out_(config, settings_.boot, payload, outgoing_, refused_, spool_),
-      history_(payload, outgoing_, refused_, spool_),
-      drops_(spool_, store, session_),
+      history_(payload, outgoing_, refused_, spool_.waiting()),
+      drops_(spool_.waiting(), store, session_),
       intake_(commands, broker, config.mqtt),
       status_(
           {config, commands.results(), session_, subscriptions_, states_, retained_, spool_,
@@ -70,9 +70,9 @@ SteadyTime Publisher::step(SteadyTime now) {
   }
   if (shutdown_.finished()) return keep_outlets(now);  // the profiles have not finished theirs
   take_broker_events(now);
-  spool_.upkeep(now, utc_ms_());
+  spool_.waiting().upkeep(now, utc_ms_());
   take_found_late(now);  // older than all that follows
-  spool_.move_memory_to_disk();
+  spool_.waiting().move_memory_to_disk();
   take_outbox(now);  // before commands: its results make room for them, its states set the model
   take_commands(now);
   // Their results are known; their commands are taken in the next step.
@@ -134,7 +134,8 @@ void Publisher::take_found_late(SteadyTime now) {
 void Publisher::take_outbox(SteadyTime now) {
   Outbox::Batch batch = outbox_.take();
   for (const auto& [device, count] : batch.dropped)
-    spool_.dropped().add(std::as_const(config_).devices.at(device).name, count, DropCause::outbox);
+    spool_.waiting().dropped().add(std::as_const(config_).devices.at(device).name, count,
+                                   DropCause::outbox);
   for (CommandResult& result : batch.results) {
     const bool may_have_written = result.attempts > 0 && result.op != to_string(Op::read);
     if (may_have_written) written_.insert(std::as_const(config_).devices.at(result.device).name);

@@ -34,15 +34,15 @@ Outlet::Outlet(const Config& config, Settings settings, Profile& profile, Broker
       spool_(store, settings_.backlog_bytes),
       refused_(backoff_),
       samples_(config, settings_.boot, profile, outgoing_, refused_, spool_),
-      history_(profile, outgoing_, refused_, spool_),
-      drops_(spool_, store, session_, settings_.name) {}
+      history_(profile, outgoing_, refused_, spool_.waiting()),
+      drops_(spool_.waiting(), store, session_, settings_.name) {}
 
 void Outlet::take(const Outbox::Batch& batch, SteadyTime now) {
   for (const DeviceStatus& status : batch.states) profile_.device_state(status);
   if (!profile_.wants_samples()) return;
   for (const auto& [device, count] : batch.dropped) {
     collected_ += count;
-    spool_.dropped().add(config_.devices.at(device).name, count, DropCause::outbox);
+    spool_.waiting().dropped().add(config_.devices.at(device).name, count, DropCause::outbox);
   }
   for (const Telemetry& sample : batch.telemetry) profile_.saw(sample);
   collected_ += batch.telemetry.size();
@@ -67,9 +67,9 @@ void Outlet::change(const ConfigChange& change, SteadyTime now) {
 SteadyTime Outlet::step(SteadyTime now) {
   if (finished()) return SteadyTime::max();
   take_broker_events(now);
-  spool_.upkeep(now, utc_ms_());
+  spool_.waiting().upkeep(now, utc_ms_());
   if (store_ != nullptr) store_->take_found_late();
-  spool_.move_memory_to_disk();
+  spool_.waiting().move_memory_to_disk();
   if (phase_ == Phase::running) {
     session_.keep(now);
     if (profile_.take_leave() && session_.is_connected()) {

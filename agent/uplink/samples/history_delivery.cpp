@@ -29,11 +29,11 @@ constexpr std::size_t kHistoryBytes = 16384;
 }  // namespace
 
 HistoryDelivery::HistoryDelivery(SamplePayload& payload, Outgoing& outgoing,
-                                 RefusedDevices& refused, SampleSpool& spool)
+                                 RefusedDevices& refused, WaitingSamples& waiting)
     : payload_(payload),
       outgoing_(outgoing),
       refused_(refused),
-      spool_(spool),
+      waiting_(waiting),
       max_bytes_(kHistoryBytes) {}
 
 /// A small window has one place for history; the rest is for live samples and results.
@@ -45,12 +45,12 @@ bool HistoryDelivery::has_room() const {
 void HistoryDelivery::pump(bool rests, SteadyTime now) {
   if (rests && now < rests_until_) return;
   while (has_room()) {
-    auto history = spool_.next(payload_, max_bytes_, [&](const std::string& device) {
+    auto history = waiting_.next(payload_, max_bytes_, [&](const std::string& device) {
       return refused_.may_send(device, now) && payload_.may_send(device);
     });
     if (!history) return;
     if (history->publications.empty()) {
-      spool_.remove(*history, spool_.as_dropped(history->batch.stream.device));
+      waiting_.remove(*history, waiting_.dropped().as_refused(history->batch.stream.device));
       rests_until_ = now + kBetweenDrops;
       return;
     }
@@ -63,7 +63,7 @@ void HistoryDelivery::pump(bool rests, SteadyTime now) {
 void HistoryDelivery::connection_began() { max_bytes_ = kHistoryBytes; }
 
 void HistoryDelivery::connection_ended() {
-  for (const auto& [id, flight] : std::exchange(flights_, {})) spool_.returned(flight.history);
+  for (const auto& [id, flight] : std::exchange(flights_, {})) waiting_.returned(flight.history);
 }
 
 HistoryDelivery::Flight HistoryDelivery::ended(std::uint64_t id, SteadyTime now) {
@@ -76,7 +76,7 @@ HistoryDelivery::Flight HistoryDelivery::ended(std::uint64_t id, SteadyTime now)
 void HistoryDelivery::delivered(std::uint64_t id, SteadyTime now) {
   const Flight flight = ended(id, now);
   failpoint("history_acknowledged");
-  spool_.remove(flight.history, [this](std::uint64_t count) { acknowledged_ += count; });
+  waiting_.remove(flight.history, [this](std::uint64_t count) { acknowledged_ += count; });
   refused_.accepted(flight.history.batch.stream.device, flight.since);
 }
 
@@ -90,9 +90,9 @@ void HistoryDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
                                   {"rows", std::to_string(batch.row_ids.size())},
                                   {"code", hex_code(event.reason_code)},
                                   {"reason", event.text}});
-    return spool_.remove(history, spool_.as_dropped(batch.stream.device));
+    return waiting_.remove(history, waiting_.dropped().as_refused(batch.stream.device));
   }
-  spool_.returned(history);
+  waiting_.returned(history);
   if (can_be_cut)
     max_bytes_ = std::min(max_bytes_, max_bytes / 2);  // once for messages of one size
   else
@@ -106,7 +106,7 @@ void HistoryDelivery::add_to(SampleCounts& counts) const {
 
 SteadyTime HistoryDelivery::next_wake(SteadyTime now) const {
   const SteadyTime wake = refused_.next_end(
-      now, [this](const std::string& device) { return spool_.has_waiting(device); });
+      now, [this](const std::string& device) { return waiting_.has_waiting(device); });
   return has_room() && rests_until_ > now ? std::min(wake, rests_until_) : wake;
 }
 

@@ -17,7 +17,7 @@ class HistoryDelivery final : public Outgoing::Sender {
  public:
   /// All references outlive the object.
   HistoryDelivery(SamplePayload& payload, Outgoing& outgoing, RefusedDevices& refused,
-                  SampleSpool& spool);
+                  WaitingSamples& waiting);
 
   /// Sends messages for which there is room. Call only if no live samples are waiting. `rests`:
   /// history pauses after each message.
@@ -49,7 +49,7 @@ class HistoryDelivery final : public Outgoing::Sender {
   SamplePayload& payload_;
   Outgoing& outgoing_;
   RefusedDevices& refused_;
-  SampleSpool& spool_;
+  WaitingSamples& waiting_;
   std::map<std::uint64_t, Flight> flights_;  ///< by publication id
   SteadyTime rests_until_{};        ///< until then live samples have the broker to themselves
   std::size_t max_bytes_;           ///< of one message; reduced if it is too large

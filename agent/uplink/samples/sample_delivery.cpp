@@ -87,7 +87,7 @@ void SampleDelivery::settle(SteadyTime now) {
 /// that would follow soon. Also writes those of a stream whose younger samples are written now:
 /// after a reconnect, rows on disk leave before those that the disk has refused.
 void SampleDelivery::hold_on_disk(SteadyTime now) {
-  if (!spool_.can_hold()) return;
+  if (!spool_.waiting().can_write()) return;
   std::vector<SampleRow> rows;
   std::vector<LiveRow*> held;
   bool is_time = false;
@@ -170,7 +170,7 @@ void SampleDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
     log::warn("sample_refused", {{"device", row.stream.device},
                                  {"code", hex_code(event.reason_code)},
                                  {"reason", event.text}});
-    const auto drop = spool_.as_dropped(row.stream.device);
+    const auto drop = spool_.waiting().dropped().as_refused(row.stream.device);
     return live.stored ? spool_.remove(live, drop) : drop(1);
   }
   refused_.refused(row.stream.device, event, now);
@@ -191,7 +191,7 @@ SteadyTime SampleDelivery::next_wake() const {
   SteadyTime wake = SteadyTime::max();
   const auto at = [&wake](SteadyTime time) { wake = std::min(wake, time); };
   if (!live_.empty()) at(live_.front().since + kLiveFor);
-  if (!spool_.can_hold()) return wake;
+  if (!spool_.waiting().can_write()) return wake;
   for (const auto& [id, flight] : flights_)
     if (!flight.live.stored) at(flight.live.since + kLiveFor);
   return wake;

@@ -49,47 +49,24 @@ SteadyTime RefusedDevices::next_end(SteadyTime now,
   return next;
 }
 
-void SampleSpool::upkeep(SteadyTime now, std::int64_t utc_ms) {
+void WaitingSamples::upkeep(SteadyTime now, std::int64_t utc_ms) {
   if (store_ == nullptr) return;
   store_->upkeep(now, utc_ms);
   count_dropped();
 }
 
-void SampleSpool::add(LiveRow live) {
-  if (live.stored)
-    store_->samples().release(live.row.row_id);
-  else
-    add(std::move(live.row));
-  commit_by(live.since + kLiveFor);
-}
-
-void SampleSpool::commit(SteadyTime now, bool can_wait) {
-  if (!spool_.empty()) {
-    if (can_wait && can_hold() && now < commit_at_) return;
-    write();
-  }
-  commit_at_ = now + kCommitWithin;
-}
-
-bool SampleSpool::is_due(const StreamKey& stream, SteadyTime now) const {
-  const auto is_of_stream = [&](const SampleRow& row) { return row.stream == stream; };
-  return now >= commit_at_ && std::ranges::any_of(spool_, is_of_stream);
-}
-
-/// Writes the added rows now, to the disk or into memory.
-void SampleSpool::write() {
-  auto rows = std::exchange(spool_, {});
+void WaitingSamples::append(std::vector<SampleRow> rows) {
   // While older rows are in memory, these queue behind them.
   if (store_ != nullptr && backlog_.rows() == 0) return store(std::move(rows));
   for (SampleRow& row : rows) backlog_.append(std::move(row));
   count_dropped();
 }
 
-void SampleSpool::move_memory_to_disk() {
-  if (can_hold() && backlog_.rows() != 0) store(backlog_.take_waiting());
+void WaitingSamples::move_memory_to_disk() {
+  if (can_write() && backlog_.rows() != 0) store(backlog_.take_waiting());
 }
 
-void SampleSpool::store(std::vector<SampleRow> rows) {
+void WaitingSamples::store(std::vector<SampleRow> rows) {
   if (rows.empty()) return;
   store_->samples().append(std::move(rows), [this](std::vector<SampleRow> given, bool on_disk) {
     if (!on_disk)
@@ -98,13 +75,7 @@ void SampleSpool::store(std::vector<SampleRow> rows) {
   });
 }
 
-bool SampleSpool::hold(std::vector<SampleRow>& rows) {
-  if (store_ == nullptr || !store_->samples().hold(rows)) return false;
-  count_dropped();
-  return true;
-}
-
-std::optional<OutgoingHistory> SampleSpool::next(
+std::optional<OutgoingHistory> WaitingSamples::next(
     SamplePayload& payload, std::size_t max_bytes,
     const std::function<bool(const std::string&)>& may_send) {
   const auto from_disk = [&](const StreamKey& stream) {
@@ -128,15 +99,65 @@ std::optional<OutgoingHistory> SampleSpool::next(
   return std::nullopt;
 }
 
-void SampleSpool::returned(const OutgoingHistory& message) {
+void WaitingSamples::returned(const OutgoingHistory& message) {
   message.on_disk ? store_->samples().returned(message.batch) : backlog_.returned(message.batch);
 }
 
-void SampleSpool::remove(const OutgoingHistory& message, const GuardedSamples::Removed& then) {
+void WaitingSamples::remove(const OutgoingHistory& message, const GuardedSamples::Removed& then) {
   if (message.on_disk)
     store_->samples().remove(message.batch, then);
   else
     then(backlog_.remove(message.batch));
+}
+
+bool WaitingSamples::has_waiting(const std::string& device) const {
+  return backlog_.has_waiting(device) ||
+         (store_ != nullptr && store_->samples().has_waiting(device));
+}
+
+void WaitingSamples::count_dropped() {
+  for (const auto& [device, count] : backlog_.take_dropped())
+    dropped_.add(device, count, DropCause::memory);
+  if (store_ == nullptr) return;
+  for (const auto& [device, count] : store_->samples().take_dropped())
+    dropped_.add(device, count, DropCause::store);
+}
+
+void WaitingSamples::add_to(SampleCounts& counts) const {
+  counts.stored += backlog_.rows();
+  counts.dropped += dropped_.total();
+  if (store_ == nullptr) return;
+  const GuardedStore::Figures figures = store_->figures();
+  counts.queued += store_->samples().at_disk();
+  counts.stored += figures.rows;
+  counts.recovered += figures.recovered;
+}
+
+void SampleSpool::add(LiveRow live) {
+  if (live.stored)
+    store_->samples().release(live.row.row_id);
+  else
+    add(std::move(live.row));
+  commit_by(live.since + kLiveFor);
+}
+
+void SampleSpool::commit(SteadyTime now, bool can_wait) {
+  if (!spool_.empty()) {
+    if (can_wait && waiting_.can_write() && now < commit_at_) return;
+    waiting_.append(std::exchange(spool_, {}));
+  }
+  commit_at_ = now + kCommitWithin;
+}
+
+bool SampleSpool::is_due(const StreamKey& stream, SteadyTime now) const {
+  const auto is_of_stream = [&](const SampleRow& row) { return row.stream == stream; };
+  return now >= commit_at_ && std::ranges::any_of(spool_, is_of_stream);
+}
+
+bool SampleSpool::hold(std::vector<SampleRow>& rows) {
+  if (store_ == nullptr || !store_->samples().hold(rows)) return false;
+  waiting_.count_dropped();
+  return true;
 }
 
 void SampleSpool::remove(const LiveRow& live, const GuardedSamples::Removed& then) {
@@ -145,17 +166,9 @@ void SampleSpool::remove(const LiveRow& live, const GuardedSamples::Removed& the
 
 void SampleSpool::close() {
   if (store_ == nullptr) return;
-  move_memory_to_disk();
-  write();
+  waiting_.move_memory_to_disk();
+  waiting_.append(std::exchange(spool_, {}));
   store_->close();
-}
-
-void SampleSpool::count_dropped() {
-  for (const auto& [device, count] : backlog_.take_dropped())
-    dropped_.add(device, count, DropCause::memory);
-  if (store_ == nullptr) return;
-  for (const auto& [device, count] : store_->samples().take_dropped())
-    dropped_.add(device, count, DropCause::store);
 }
 
 SteadyTime SampleSpool::next_wake(SteadyTime now) const {
@@ -166,18 +179,7 @@ SteadyTime SampleSpool::next_wake(SteadyTime now) const {
 
 void SampleSpool::add_to(SampleCounts& counts) const {
   counts.queued += spool_.size();
-  counts.stored += backlog_.rows();
-  counts.dropped += dropped_.total();
-  if (store_ == nullptr) return;
-  const GuardedStore::Figures figures = store_->figures();
-  counts.queued += store_->samples().at_disk();
-  counts.stored += figures.rows;
-  counts.recovered += figures.recovered;
-}
-
-bool SampleSpool::has_waiting(const std::string& device) const {
-  return backlog_.has_waiting(device) ||
-         (store_ != nullptr && store_->samples().has_waiting(device));
+  waiting_.add_to(counts);
 }
 
 }  // namespace fxagent

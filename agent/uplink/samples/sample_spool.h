@@ -34,11 +34,19 @@ enum class DropCause : std::uint8_t { outbox, memory, store, refused };
 /// Counts the samples that were lost: dropped to make room, or refused for good.
 class DroppedSamples final {
  public:
+  DroppedSamples& operator=(DroppedSamples&&) = delete;  // as_refused() keeps its address
+
   /// The device may exist only in the store.
   void add(const std::string& device, std::uint64_t count, DropCause cause) {
     by_device_[device] += count;
     total_ += count;
     if (count != 0) last_cause_ = cause;
+  }
+  /// Returns the `then` of a removal that counts the rows as refused for good.
+  GuardedSamples::Removed as_refused(std::string device) {
+    return [this, device = std::move(device)](std::uint64_t count) {
+      add(device, count, DropCause::refused);
+    };
   }
   DropCause last_cause() const { return last_cause_; }
   std::uint64_t total() const { return total_; }
@@ -102,6 +110,53 @@ struct OutgoingHistory {
   bool on_disk = false;
 };
 
+/// Samples that wait on disk, or in memory if there is no disk or it refuses. They leave as history
+/// messages, oldest first. Counts the rows that must make room.
+class WaitingSamples final {
+ public:
+  /// `store` outlives the object. No store: rows are kept in `backlog_bytes` of memory.
+  WaitingSamples(GuardedStore* store, std::size_t backlog_bytes)
+      : store_(store), backlog_(backlog_bytes) {}
+
+  /// GuardedStore::upkeep(), and counts what the store has dropped. Does nothing without a store.
+  void upkeep(SteadyTime now, std::int64_t utc_ms);
+  /// Writes rows to the disk, or into memory if the disk refuses.
+  void append(std::vector<SampleRow> rows);
+  /// Moves rows from memory to the disk, once it accepts them again.
+  void move_memory_to_disk();
+  bool can_write() const { return store_ != nullptr && store_->is_writable(); }
+
+  /// Returns the next history message, in the form of `payload`, of a device for which `may_send`
+  /// is true; nullopt if there is none. No other message of its stream leaves until returned() or
+  /// remove() is called with it, once. Rows in memory are younger than those of the same stream on
+  /// disk, and wait for them.
+  std::optional<OutgoingHistory> next(SamplePayload& payload, std::size_t max_bytes,
+                                      const std::function<bool(const std::string&)>& may_send);
+  /// Call if the message did not arrive. Its rows wait again, in their old places.
+  void returned(const OutgoingHistory& message);
+  /// Removes the rows of a message that is complete. `then` gets the number of rows that still
+  /// existed; it is called later if the disk does not answer now.
+  void remove(const OutgoingHistory& message, const GuardedSamples::Removed& then);
+
+  bool has_waiting(const std::string& device) const;
+  const Backlog& backlog() const { return backlog_; }
+  DroppedSamples& dropped() { return dropped_; }
+  const DroppedSamples& dropped() const { return dropped_; }
+  /// Counts the rows that backlog and store have dropped to make room. Call after each write.
+  void count_dropped();
+  /// Adds the samples that wait here, were recovered from the store, or dropped.
+  void add_to(SampleCounts& counts) const;
+
+ private:
+  void store(std::vector<SampleRow> rows);
+
+  GuardedStore* const store_;
+  Backlog backlog_;
+  DroppedSamples dropped_;
+};
+
+/// Gathers samples that cannot be sent now, and writes several at once. Also keeps rows of live
+/// samples on disk, which the broker has not acknowledged within kLiveFor.
 class SampleSpool final {
  public:
   /// A sample that has waited longer is on disk, or is history.
@@ -109,14 +164,14 @@ class SampleSpool final {
   /// Longest time for which rows are gathered for the disk.
   static constexpr std::chrono::milliseconds kCommitWithin{200};
 
-  /// `store` outlives the object. No store: rows are kept in `backlog_bytes` of memory.
+  /// `store` and `backlog_bytes` are those of WaitingSamples.
   SampleSpool(GuardedStore* store, std::size_t backlog_bytes)
-      : store_(store), backlog_(backlog_bytes) {}
-  SampleSpool(const SampleSpool&) = delete;  // what as_dropped() returned refers to it
-  SampleSpool& operator=(const SampleSpool&) = delete;
+      : store_(store), waiting_(store, backlog_bytes) {}
 
-  /// GuardedStore::upkeep(), and counts what the store has dropped. Does nothing without a store.
-  void upkeep(SteadyTime now, std::int64_t utc_ms);
+  /// The samples after their commit. Valid as long as this object.
+  WaitingSamples& waiting() { return waiting_; }
+  const WaitingSamples& waiting() const { return waiting_; }
+
   /// Notes in the store that the number is in use. Call before the sample leaves the agent.
   void used(const std::string& device, std::uint64_t seq) {
     if (store_ != nullptr) store_->samples().used(device, seq);
@@ -131,55 +186,23 @@ class SampleSpool final {
   bool is_due(const StreamKey& stream, SteadyTime now) const;
   /// Makes the next commit happen by `at`.
   void commit_by(SteadyTime at) { commit_at_ = std::min(commit_at_, at); }
-  /// Moves rows from memory to the disk, once it accepts them again.
-  void move_memory_to_disk();
   /// Writes rows that stay in flight. True: they are on disk and held there.
   bool hold(std::vector<SampleRow>& rows);
-  bool can_hold() const { return store_ != nullptr && store_->is_writable(); }
-
-  /// Returns the next history message, in the form of `payload`, of a device for which `may_send`
-  /// is true; nullopt if there is none. No other message of its stream leaves until returned() or
-  /// remove() is called with it, once. Rows in memory are younger than those of the same stream on
-  /// disk, and wait for them.
-  std::optional<OutgoingHistory> next(SamplePayload& payload, std::size_t max_bytes,
-                                      const std::function<bool(const std::string&)>& may_send);
-  /// Call if the message did not arrive. Its rows wait again, in their old places.
-  void returned(const OutgoingHistory& message);
-  /// Removes the rows of a message that is complete. `then` gets the number of rows that still
-  /// existed; it is called later if the disk does not answer now.
-  void remove(const OutgoingHistory& message, const GuardedSamples::Removed& then);
   /// Removes a held row that is complete (LiveRow::stored). `then` gets 1 if it still existed.
   void remove(const LiveRow& live, const GuardedSamples::Removed& then);
-  /// Returns the `then` that counts the rows as dropped: refused for good.
-  GuardedSamples::Removed as_dropped(std::string device) {
-    return [this, device = std::move(device)](std::uint64_t count) {
-      dropped_.add(device, count, DropCause::refused);
-    };
-  }
   /// Writes everything to the disk and closes the store, if there is one.
   void close();
 
-  bool empty() const { return spool_.empty() && backlog_.rows() == 0; }
+  bool empty() const { return spool_.empty() && waiting_.backlog().rows() == 0; }
   std::size_t gathered() const { return spool_.size(); }
   /// Returns the time by which commit(), or upkeep() for rows at the disk, must run.
   SteadyTime next_wake(SteadyTime now) const;
-  bool has_waiting(const std::string& device) const;
-  const Backlog& backlog() const { return backlog_; }
-  DroppedSamples& dropped() { return dropped_; }
-  const DroppedSamples& dropped() const { return dropped_; }
-  /// Adds the samples that wait here, were recovered from the store, or dropped.
+  /// Adds the samples gathered here, and those of waiting().
   void add_to(SampleCounts& counts) const;
 
  private:
-  /// Counts the rows that backlog and store have dropped to make room.
-  void count_dropped();
-  void write();
-  /// Writes to the disk, or into memory if the disk refuses.
-  void store(std::vector<SampleRow> rows);
-
   GuardedStore* const store_;
-  Backlog backlog_;
-  DroppedSamples dropped_;
+  WaitingSamples waiting_;
   std::vector<SampleRow> spool_;  ///< for the store, at the next commit
   SteadyTime commit_at_{};
 };
