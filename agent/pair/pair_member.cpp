@@ -55,7 +55,8 @@ PairMember::PairMember(const Config& config, std::string boot)
       pair_(*config.pair),
       boot_(std::move(boot)),
       permit_(pair_.quiet),
-      state_({pair_.member, boot_, pair_.quiet}),
+      peers_({pair_.member, boot_, pair_.quiet}),
+      state_(pair_.quiet, peers_),
       journal_(std::make_unique<StandbyJournal>(config_.store)) {
   const WithoutSignals quiet;
   thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
@@ -154,7 +155,7 @@ void PairMember::leave() {
 
 bool PairMember::knows(const std::string& boot) const {
   const std::lock_guard lock(mutex_);
-  return state_.knows(boot);
+  return peers_.knows(boot);
 }
 
 // ---- the thread ---------------------------------------------------------------------------------
@@ -213,7 +214,7 @@ void PairMember::keep(BootTime now) {
   log_role();
   log_peer(now);
   send_announcements();
-  for (PairFault next = state_.take_fault(); !next.text.empty(); next = state_.take_fault()) {
+  for (PairFault next = peers_.take_fault(); !next.text.empty(); next = peers_.take_fault()) {
     if (next.is_over)
       log::info("pair", {{"state", "over"}, {"fault", next.text}});
     else
@@ -283,14 +284,14 @@ void PairMember::take_member_events(BootTime now) {
         log::error("pair", {{"fault", "the broker refuses the subscription to " + event.filter +
                                           "; see fxagent acl"}});
       else if (++granted_ == kPairTopics.size())
-        state_.joined(now);
+        peers_.joined(now);
     } else if constexpr (std::is_same_v<Event, ConnectFailed>) {
       log::warn("pair", {{"broker", "unreachable"}, {"reason", event.text}});
       again(kReconnect);
     } else if constexpr (std::is_same_v<Event, Lost>) {
       const bool taken_over = event.reason_code == kSessionTakenOver;
       thrown_ = taken_over || now - member_since_ < kSteady ? thrown_ + 1 : 0;
-      state_.left(taken_over);
+      peers_.left(taken_over);
       const BootTime pause = taken_over ? BootTime(seconds(1)) : BootTime(kReconnect);
       again(
           std::min<BootTime>(pause * (1 << std::min(thrown_, kMostDoublings)) / 2, kLongestPause));
@@ -329,7 +330,7 @@ void PairMember::hear(const Message& message, BootTime now) {
       highest = std::max(highest, heartbeat->seq);
     }
     const std::lock_guard lock(mutex_);
-    state_.heard_heartbeat(heartbeat->boot, heartbeat->seq, now);
+    peers_.heard_heartbeat(heartbeat->boot, heartbeat->seq, now);
   } else if (auto announcement = pair_messages::announcement_from(message.payload)) {
     hear_announcement(std::move(*announcement), place->member, message.topic);
   }
@@ -484,7 +485,7 @@ void PairMember::go_on_with_claim(BootTime now) {
   {
     const std::lock_guard lock(mutex_);
     unwritten_ = std::move(unwritten);
-    floor_ = std::max(static_cast<std::uint64_t>(utc_now_ms()), state_.highest_seq());
+    floor_ = std::max(static_cast<std::uint64_t>(utc_now_ms()), peers_.highest_seq());
     claimed_ = true;
     news_.notify_all();
   }
@@ -501,7 +502,7 @@ void PairMember::carry_out(PairState::Order order, BootTime now) {
     case PairState::Order::drop_lease:
       return drop_lease(now);
     case PairState::Order::send_heartbeat: {
-      std::uint64_t seq = state_.highest_seq();
+      std::uint64_t seq = peers_.highest_seq();
       {
         const std::lock_guard lock(mutex_);
         if (claimed_) seq = std::max(agent_ ? agent_->highest_seq() : 0, floor_) + kReserve;
@@ -520,10 +521,10 @@ void PairMember::publish_status() {
   const PairStatus status{.member = pair_.member,
                           .boot = boot_,
                           .role = std::string(to_string(state_.role())),
-                          .is_third = state_.is_third(),
+                          .is_third = peers_.is_third(),
                           .quiet = pair_.quiet,
                           .why = state_.why(),
-                          .peer = state_.peer(),
+                          .peer = peers_.peer(),
                           .since_ms = state_.since() == BootTime{} ? now_ms : now_ms - age.count()};
   publish(*member_, retained(topic(), pair_messages::status(status)));
 }
@@ -542,12 +543,12 @@ void PairMember::log_role() {
                      {"why", state_.why()},
                      {"member", pair_.member},
                      {"boot", boot_},
-                     {"peer", state_.peer()}});
+                     {"peer", peers_.peer()}});
 }
 
 void PairMember::log_peer(BootTime now) {
-  const std::string peer = state_.peer();
-  if (logged_peer_ == peer || (peer.empty() && !state_.knows_peer(now))) return;
+  const std::string peer = peers_.peer();
+  if (logged_peer_ == peer || (peer.empty() && !peers_.knows_peer(now))) return;
   logged_peer_ = peer;
   if (logged_peer_->empty())
     log::warn("pair", {{"peer", ""},

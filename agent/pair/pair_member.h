@@ -122,7 +122,8 @@ class PairMember final {
   LinePermit permit_;
 
   // Of the pair's thread.
-  PairState state_;  ///< what it hears is written under mutex_, for knows()
+  PairPeers peers_;  ///< what it hears is written under mutex_, for knows()
+  PairState state_;
   PairRole logged_ = PairRole::claiming;
   std::optional<std::string> logged_peer_;
   std::unique_ptr<StandbyJournal> journal_;  ///< until this gateway has claimed the pair

@@ -1,6 +1,5 @@
 // Roles of the two gateways of a pair, as a pure state machine: events in, orders out, time as an
-// argument. It decides when this gateway claims the pair, how long it holds it, and when it is
-// over.
+// argument. PairPeers is what this gateway hears of the others, PairState what it may do.
 //
 // The fence. A gateway holds the pair while its lease session lasts: the MQTT session with the
 // pair's own client id. A broker keeps one session per client id, so a claim ends the other
@@ -12,7 +11,6 @@
 #pragma once
 
 #include <chrono>
-#include <cstddef>
 #include <cstdint>
 #include <deque>
 #include <map>
@@ -56,6 +54,78 @@ struct PairFault {
   bool is_over = false;
 };
 
+/// Other gateways of the pair, as this one hears them over its member session: who is there, which
+/// one holds the pair, and the faults that a person must repair.
+class PairPeers final {
+ public:
+  explicit PairPeers(PairSettings settings)
+      : settings_(std::move(settings)), quiet_(settings_.quiet) {}
+
+  /// The member session is connected and its subscriptions are granted.
+  void joined(BootTime now);
+  /// It has ended. `taken_over`: another client has its client id.
+  void left(bool taken_over);
+  /// A status; `role`: of this gateway. Called by PairState::heard().
+  void heard(const PairStatus& status, PairRole role, BootTime now);
+  /// A heartbeat of the holder. `seq`: no sequence number above it was used.
+  void heard_heartbeat(const std::string& boot, std::uint64_t seq, BootTime now);
+  /// Judges the faults that begin or end with time. Called by PairState::step().
+  void step(BootTime now);
+
+  /// Time since which this gateway hears the others; nullopt: it does not.
+  std::optional<BootTime> joined_at() const { return joined_at_; }
+  /// The longest setting of all gateways that were heard, and of this one.
+  std::chrono::nanoseconds quiet() const { return quiet_; }
+  /// True if two others are there: this gateway is not one of the pair.
+  bool is_third() const { return third_; }
+  /// Member name of the other gateway; empty: it is not there.
+  std::string peer() const;
+  /// True if a gateway that is there has had the time to answer since this one joined.
+  bool knows_peer(BootTime now) const { return joined_at_ && now >= *joined_at_ + quiet_; }
+  /// True if a gateway of the pair is there whose name is lower.
+  bool has_lower_name() const;
+  /// Time of the last heartbeat of another holder; nullopt: none has come, or the holder has ended.
+  std::optional<BootTime> holder_heard_at() const { return holder_heard_at_; }
+  /// Highest number of all heartbeats so far.
+  std::uint64_t highest_seq() const { return highest_seq_; }
+  /// True for the boot of another gateway of this pair, or of an earlier process of this one.
+  bool knows(const std::string& boot) const { return boots_.contains(boot); }
+  /// True if this gateway's status must be published since the last call.
+  bool take_change() { return std::exchange(changed_, false); }
+  /// Returns the next fault that has begun or is over.
+  PairFault take_fault();
+
+ private:
+  /// Names the fault with this cause, if it has not lasted before. An empty text: it is over.
+  void fault(const std::string& cause, const std::string& text);
+  void judge_third(PairRole role, BootTime now);
+
+  struct Peer {
+    std::string member;
+    std::string role;
+    bool is_third = false;
+    bool was_here = false;  ///< before us
+  };
+
+  const PairSettings settings_;
+  std::chrono::nanoseconds quiet_;
+  std::optional<BootTime> joined_at_;
+  bool own_status_came_ = false;       ///< in this member session
+  std::map<std::string, Peer> peers_;  ///< by boot
+  std::set<std::string> gone_;         ///< boots that have ended
+  std::set<std::string> boots_;        ///< all boots of other processes
+  bool third_ = false;
+  bool changed_ = true;
+  std::string holder_;  ///< boot of the last foreign heartbeat
+  std::optional<BootTime> holder_heard_at_;
+  std::uint64_t highest_seq_ = 0;
+  std::map<std::string, std::string> faults_;  ///< texts of those that last, by cause
+  std::deque<PairFault> fault_news_;           ///< not taken yet
+  bool same_name_ = false;                     ///< another member of this name, since the last step
+  BootTime same_name_at_{};                    ///< the last step with one
+};
+
+/// Role of this gateway: when it claims the pair, how long it holds it, and when it is over.
 class PairState final {
  public:
   enum class Order : std::uint8_t {
@@ -65,17 +135,11 @@ class PairState final {
     drop_lease       ///< end the lease session
   };
 
-  explicit PairState(PairSettings settings)
-      : settings_(std::move(settings)), quiet_(settings_.quiet) {}
+  /// `quiet`: the setting of this gateway. `peers` must outlive this object.
+  PairState(std::chrono::nanoseconds quiet, PairPeers& peers) : quiet_(quiet), peers_(peers) {}
 
-  // The member session, over which this gateway hears the other one.
-  /// It is connected and its subscriptions are granted.
-  void joined(BootTime now);
-  /// It has ended. `taken_over`: another client has its client id.
-  void left(bool taken_over);
+  /// A status came over the member session. Passes it to the peers.
   void heard(const PairStatus& status, BootTime now);
-  /// A heartbeat of the holder. `seq`: no sequence number above it was used.
-  void heard_heartbeat(const std::string& boot, std::uint64_t seq, BootTime now);
 
   // The lease session.
   void lease_began(BootTime now);
@@ -98,59 +162,23 @@ class PairState final {
   /// Reason for the role, for people and for the log.
   const std::string& why() const { return why_; }
   BootTime since() const { return since_; }
-  bool is_third() const { return third_; }
-  /// Member name of the other gateway; empty: it is not there.
-  std::string peer() const;
-  /// True if a gateway that is there has had the time to answer since this one joined.
-  bool knows_peer(BootTime now) const { return joined_at_ && now >= *joined_at_ + quiet_; }
   /// Time until which the last acknowledged heartbeat permits requests.
   BootTime holds_until() const { return holds_until_; }
   /// Time at which the first request may be sent.
   BootTime opens_at() const { return opens_at_; }
-  /// Highest number of all heartbeats so far.
-  std::uint64_t highest_seq() const { return highest_seq_; }
-  /// Returns the next fault that has begun or is over.
-  PairFault take_fault();
-  /// True for the boot of another gateway of this pair, or of an earlier process of this one.
-  bool knows(const std::string& boot) const { return boots_.contains(boot); }
 
  private:
   void enter(PairRole role, std::string why, BootTime now);
-  /// Names the fault with this cause, if it has not lasted before. An empty text: it is over.
-  void fault(const std::string& cause, const std::string& text);
-  void judge_third(BootTime now);
-  void remember(const std::string& boot);
   /// Returns the time from which this gateway may claim; nullopt: an event must come first.
   std::optional<BootTime> claim_at() const;
 
-  struct Peer {
-    std::string member;
-    std::string role;
-    bool is_third = false;
-    bool was_here = false;  ///< before us
-  };
-
-  const PairSettings settings_;
-  std::chrono::nanoseconds quiet_;  ///< the longest of all gateways that were heard
+  const std::chrono::nanoseconds quiet_;
+  PairPeers& peers_;
   PairRole role_ = PairRole::standby;
   std::string why_ = "start";
   BootTime since_{};
   bool status_due_ = true;
   bool agent_runs_ = false;
-
-  std::optional<BootTime> joined_at_;  ///< nullopt: the member session is not there
-  bool own_status_came_ = false;       ///< in this member session
-  std::map<std::string, Peer> peers_;  ///< by boot
-  std::set<std::string> gone_;         ///< boots that have ended
-  std::set<std::string> boots_;        ///< all boots of other processes
-  bool third_ = false;
-  std::string holder_;  ///< boot of the last foreign heartbeat; empty: gone
-  BootTime holder_heard_at_{};
-  std::uint64_t highest_seq_ = 0;
-  std::map<std::string, std::string> faults_;  ///< texts of those that last, by cause
-  std::deque<PairFault> fault_news_;           ///< not taken yet
-  bool same_name_ = false;                     ///< another member of this name, since the last step
-  BootTime same_name_at_{};                    ///< the last step with one
 
   bool connecting_ = false;
   BootTime not_before_{};  ///< of the next claim

@@ -21,7 +21,7 @@ BootTime at(int ms) { return kStart + milliseconds(ms); }
 /// A gateway and what it was told to do.
 struct Gateway {
   explicit Gateway(const std::string& member = "a", const std::string& boot = "boot-a")
-      : state({member, boot, kQuiet}) {}
+      : peers({member, boot, kQuiet}), state(kQuiet, peers) {}
 
   bool steps(int ms, Order wanted) {
     const auto orders = state.step(at(ms));
@@ -39,13 +39,14 @@ struct Gateway {
     state.heartbeat_acknowledged(id);
   }
 
+  PairPeers peers;
   PairState state;
   std::uint64_t id = 0;
 };
 struct JoinedGateway : Gateway {
   explicit JoinedGateway(const std::string& member = "a", const std::string& boot = "boot-a")
       : Gateway(member, boot) {
-    state.joined(at(0));
+    peers.joined(at(0));
   }
 };
 
@@ -62,9 +63,9 @@ TEST(PairState, GatewayWhoseSessionBeganAnewIsThereAgain) {
   JoinedGateway a;
   a.state.heard({.member = "b", .boot = "boot-b", .role = "standby"}, at(10));
   a.state.heard({.member = "b", .boot = "boot-b", .role = "offline"}, at(20));
-  EXPECT_EQ(a.state.peer(), "");
+  EXPECT_EQ(a.peers.peer(), "");
   a.state.heard({.member = "b", .boot = "boot-b", .role = "standby"}, at(30));
-  EXPECT_EQ(a.state.peer(), "b");
+  EXPECT_EQ(a.peers.peer(), "b");
 }
 
 TEST(PairState, StatusNamesThePeerUntilItHasEnded) {
@@ -79,18 +80,18 @@ TEST(PairState, StatusNamesThePeerUntilItHasEnded) {
 
 TEST(PairState, PeerThatIsThereHasTimeToAnswer) {
   Gateway a;
-  EXPECT_FALSE(a.state.knows_peer(at(5000)));
-  a.state.joined(at(0));
-  EXPECT_FALSE(a.state.knows_peer(at(1199)));
-  EXPECT_TRUE(a.state.knows_peer(at(1200)));
-  a.state.left(false);
-  EXPECT_FALSE(a.state.knows_peer(at(5000))) << "its own session has ended, not that of the other";
+  EXPECT_FALSE(a.peers.knows_peer(at(5000)));
+  a.peers.joined(at(0));
+  EXPECT_FALSE(a.peers.knows_peer(at(1199)));
+  EXPECT_TRUE(a.peers.knows_peer(at(1200)));
+  a.peers.left(false);
+  EXPECT_FALSE(a.peers.knows_peer(at(5000))) << "its own session has ended, not that of the other";
 }
 
 TEST(PairState, GatewayAloneClaimsAfterHalfTheSilence) {
   Gateway a;
   EXPECT_FALSE(a.steps(0, Order::connect_lease)) << "it has not joined";
-  a.state.joined(at(0));
+  a.peers.joined(at(0));
   EXPECT_FALSE(a.steps(599, Order::connect_lease));
   EXPECT_EQ(a.state.next_wake(), at(600));
   EXPECT_TRUE(a.steps(600, Order::connect_lease));
@@ -134,10 +135,10 @@ TEST(PairState, OnlyAHeartbeatAfterTheClaimPermitsRequests) {
 TEST(PairState, LongerSettingOfTheOtherCountsAndIsNamed) {
   JoinedGateway b("b", "boot-b");
   b.state.heard({"a", "boot-a", "active", false, 2 * kQuiet}, at(0));
-  EXPECT_EQ(b.state.take_fault().text,
+  EXPECT_EQ(b.peers.take_fault().text,
             "quiet_ms of member a is 2400, and of member b 1200: make them equal; until then both "
             "wait for the longer one");
-  b.state.heard_heartbeat("boot-a", 5, at(0));
+  b.peers.heard_heartbeat("boot-a", 5, at(0));
   // Half of 2400 ms, and a quarter more after the start, because its name is the higher one.
   EXPECT_FALSE(b.steps(1799, Order::connect_lease));
   EXPECT_TRUE(b.steps(1800, Order::connect_lease));
@@ -149,7 +150,7 @@ TEST(PairState, LongerSettingOfTheOtherCountsAndIsNamed) {
 TEST(PairState, SettingOfAGatewayThatHasEndedCounts) {
   JoinedGateway b("b", "boot-b");
   b.state.heard({"a", "boot-a", "offline", false, 2 * kQuiet}, at(0));
-  EXPECT_EQ(b.state.take_fault().text, "") << "its file may be right by now";
+  EXPECT_EQ(b.peers.take_fault().text, "") << "its file may be right by now";
   b.claim(1300);
   EXPECT_EQ(b.state.opens_at(), at(1300 + 2400));
 }
@@ -157,21 +158,21 @@ TEST(PairState, SettingOfAGatewayThatHasEndedCounts) {
 TEST(PairState, StandbyWaitsWhileTheHolderIsHeard) {
   JoinedGateway b("b", "boot-b");
   for (int ms = 0; ms < 5000; ms += 200) {
-    b.state.heard_heartbeat("boot-a", 5, at(ms));
+    b.peers.heard_heartbeat("boot-a", 5, at(ms));
     EXPECT_FALSE(b.steps(ms + 199, Order::connect_lease)) << ms;
   }
   EXPECT_TRUE(b.steps(4800 + 600, Order::connect_lease));
-  EXPECT_EQ(b.state.highest_seq(), 5U);
+  EXPECT_EQ(b.peers.highest_seq(), 5U);
 }
 
 TEST(PairState, StandbyClaimsAtOnceWhenTheHolderHasEnded) {
   JoinedGateway b("b", "boot-b");
   b.state.heard({"a", "boot-a", "active"}, at(0));
-  b.state.heard_heartbeat("boot-a", 0, at(5000));
+  b.peers.heard_heartbeat("boot-a", 0, at(5000));
   b.state.heard({"a", "boot-a", "offline"}, at(5010));
   EXPECT_TRUE(b.steps(5010, Order::connect_lease));
   b.state.lease_ended(false, at(5020));
-  b.state.heard_heartbeat("boot-a", 0, at(5021));  // was on its way
+  b.peers.heard_heartbeat("boot-a", 0, at(5021));  // was on its way
   EXPECT_TRUE(b.steps(5620, Order::connect_lease)) << "a boot that has ended holds nothing";
 }
 
@@ -213,15 +214,15 @@ TEST(PairState, FailedClaimsGrowApart) {
 
 TEST(PairState, WithoutItsMemberSessionAGatewayClaimsNothing) {
   JoinedGateway a;
-  a.state.left(false);
+  a.peers.left(false);
   EXPECT_FALSE(a.steps(100000, Order::connect_lease));
-  EXPECT_EQ(a.state.take_fault().text, "");
+  EXPECT_EQ(a.peers.take_fault().text, "");
 }
 
 TEST(PairState, LowerNameClaimsFirstIfBothStart) {
   Gateway a("a", "boot-a");
   Gateway b("b", "boot-b");
-  for (Gateway* each : {&a, &b}) each->state.joined(at(0));
+  for (Gateway* each : {&a, &b}) each->peers.joined(at(0));
   a.state.heard({"b", "boot-b", "standby"}, at(1));
   b.state.heard({"a", "boot-a", "standby"}, at(1));
   EXPECT_TRUE(a.steps(600, Order::connect_lease));
@@ -233,12 +234,12 @@ TEST(PairState, ThirdGatewayIsNamedAndNeverClaims) {
   JoinedGateway c("c", "boot-c");
   c.state.heard({"a", "boot-a", "active"}, at(1));
   c.state.heard({"b", "boot-b", "standby"}, at(2));
-  EXPECT_TRUE(c.state.is_third());
-  EXPECT_NE(c.state.take_fault().text.find("a, b"), std::string::npos);
-  EXPECT_EQ(c.state.take_fault().text, "") << "once";
+  EXPECT_TRUE(c.peers.is_third());
+  EXPECT_NE(c.peers.take_fault().text.find("a, b"), std::string::npos);
+  EXPECT_EQ(c.peers.take_fault().text, "") << "once";
   EXPECT_FALSE(c.steps(60000, Order::connect_lease));
   c.state.heard({"a", "boot-a", "offline"}, at(60001));
-  EXPECT_FALSE(c.state.is_third()) << "it is the second now";
+  EXPECT_FALSE(c.peers.is_third()) << "it is the second now";
   EXPECT_FALSE(c.steps(61100, Order::connect_lease)) << "the other one of the pair goes first";
 }
 
@@ -246,10 +247,10 @@ TEST(PairState, MembersOfAPairStayWhatTheyAreWhenAThirdOneComes) {
   JoinedGateway b("b", "boot-b");
   b.state.heard({"a", "boot-a", "active"}, at(1));
   b.state.heard({"b", "boot-b", "standby"}, at(2));  // its own, which it published when it joined
-  b.state.heard_heartbeat("boot-a", 0, at(9990));
+  b.peers.heard_heartbeat("boot-a", 0, at(9990));
   b.state.heard({"0", "boot-0", "standby"}, at(10000));
-  EXPECT_FALSE(b.state.is_third());
-  EXPECT_NE(b.state.take_fault().text.find("0, a"), std::string::npos);
+  EXPECT_FALSE(b.peers.is_third());
+  EXPECT_NE(b.peers.take_fault().text.find("0, a"), std::string::npos);
   b.state.heard({"0", "boot-0", "standby", true}, at(10001));
   b.state.heard({"a", "boot-a", "offline"}, at(10002));
   EXPECT_TRUE(b.steps(10002, Order::connect_lease));
@@ -258,51 +259,51 @@ TEST(PairState, MembersOfAPairStayWhatTheyAreWhenAThirdOneComes) {
 TEST(PairState, TwoGatewaysOfOneNameAreNamed) {
   JoinedGateway a("a", "boot-1");
   a.state.heard({"a", "boot-0", "active"}, at(1));
-  EXPECT_EQ(a.state.take_fault().text, "") << "an earlier process may have left it";
+  EXPECT_EQ(a.peers.take_fault().text, "") << "an earlier process may have left it";
   a.state.heard({"a", "boot-1", "standby"}, at(2));
   a.state.heard({"a", "boot-2", "standby"}, at(3));
   a.state.step(at(3));
-  EXPECT_NE(a.state.take_fault().text.find("pair.member"), std::string::npos);
+  EXPECT_NE(a.peers.take_fault().text.find("pair.member"), std::string::npos);
   JoinedGateway other("a", "boot-2");
-  other.state.left(true);
+  other.peers.left(true);
   other.state.step(at(3));
-  EXPECT_NE(other.state.take_fault().text.find("pair.member"), std::string::npos);
+  EXPECT_NE(other.peers.take_fault().text.find("pair.member"), std::string::npos);
 }
 
 TEST(PairState, FaultsAreNamedWhenTheyAreOver) {
   const auto expect_over = [](Gateway& gateway, const std::string& words) {
-    const PairFault fault = gateway.state.take_fault();
+    const PairFault fault = gateway.peers.take_fault();
     EXPECT_TRUE(fault.is_over && fault.text.find(words) != std::string::npos) << fault.text;
-    EXPECT_EQ(gateway.state.take_fault().text, "");
+    EXPECT_EQ(gateway.peers.take_fault().text, "");
   };
   JoinedGateway b("b", "boot-b");
   b.state.heard({"a", "boot-1", "active", false, 2 * kQuiet}, at(1));
-  EXPECT_FALSE(b.state.take_fault().is_over);
+  EXPECT_FALSE(b.peers.take_fault().is_over);
   b.state.heard({"a", "boot-1", "offline", false, 2 * kQuiet}, at(2));
-  EXPECT_EQ(b.state.take_fault().text, "") << "its file may still be wrong";
+  EXPECT_EQ(b.peers.take_fault().text, "") << "its file may still be wrong";
   b.state.heard({"a", "boot-2", "standby", false, kQuiet}, at(3));
   expect_over(b, "quiet_ms of member a is 2400");
 
   b.state.heard({"c", "boot-c", "standby"}, at(4));
-  EXPECT_NE(b.state.take_fault().text.find("a, c"), std::string::npos);
-  b.state.left(false);
-  b.state.joined(at(10000));
+  EXPECT_NE(b.peers.take_fault().text.find("a, c"), std::string::npos);
+  b.peers.left(false);
+  b.peers.joined(at(10000));
   b.state.step(at(10001));
-  EXPECT_EQ(b.state.take_fault().text, "") << "their statuses may still come";
+  EXPECT_EQ(b.peers.take_fault().text, "") << "their statuses may still come";
   b.state.heard({"a", "boot-2", "active", false, kQuiet}, at(10002));
   b.state.step(at(13000));
   expect_over(b, "a pair has two gateways");
 
-  b.state.left(true);
-  b.state.joined(at(20000));
+  b.peers.left(true);
+  b.peers.joined(at(20000));
   b.state.step(at(20000));
-  EXPECT_NE(b.state.take_fault().text.find("pair.member"), std::string::npos);
+  EXPECT_NE(b.peers.take_fault().text.find("pair.member"), std::string::npos);
   b.state.step(at(199999));
-  EXPECT_EQ(b.state.take_fault().text, "");
-  b.state.left(false);  // the other one may be away as well
-  b.state.joined(at(300000));
+  EXPECT_EQ(b.peers.take_fault().text, "");
+  b.peers.left(false);  // the other one may be away as well
+  b.peers.joined(at(300000));
   b.state.step(at(479999));
-  EXPECT_EQ(b.state.take_fault().text, "");
+  EXPECT_EQ(b.peers.take_fault().text, "");
   b.state.step(at(480000));
   expect_over(b, "pair.member");
 }
@@ -311,20 +312,20 @@ TEST(PairState, FaultsThatComeAndGoAreAlwaysNamed) {
   JoinedGateway b("b", "boot-b");
   for (int i = 0; i < 1000; ++i) {
     b.state.heard({"a", "boot-1", "active", false, 2 * kQuiet}, at(2 * i));
-    EXPECT_FALSE(b.state.take_fault().text.empty()) << i;
+    EXPECT_FALSE(b.peers.take_fault().text.empty()) << i;
     b.state.heard({"a", "boot-1", "active", false, kQuiet}, at(2 * i + 1));
-    EXPECT_TRUE(b.state.take_fault().is_over) << i;
+    EXPECT_TRUE(b.peers.take_fault().is_over) << i;
   }
 }
 
 TEST(PairState, KnowsTheBootsOfThePair) {
   JoinedGateway a;
   a.state.heard({"b", "boot-b", "offline"}, at(1));
-  a.state.heard_heartbeat("boot-old", 0, at(1));
-  EXPECT_TRUE(a.state.knows("boot-b"));
-  EXPECT_TRUE(a.state.knows("boot-old"));
-  EXPECT_FALSE(a.state.knows("boot-a"));
-  EXPECT_FALSE(a.state.knows("boot-x"));
+  a.peers.heard_heartbeat("boot-old", 0, at(1));
+  EXPECT_TRUE(a.peers.knows("boot-b"));
+  EXPECT_TRUE(a.peers.knows("boot-old"));
+  EXPECT_FALSE(a.peers.knows("boot-a"));
+  EXPECT_FALSE(a.peers.knows("boot-x"));
 }
 
 /// A broker for two gateways: delivers what they publish after a random time, ends the lease
@@ -386,13 +387,13 @@ class RandomPair final {
     const bool cut = now_ < member.cut_until;
     if (cut && member.joined) {
       member.joined = false;
-      state.left(false);
+      member.gateway->peers.left(false);
       if (member.lease_known) state.lease_ended(false, at(now_));
       member.lease = member.lease_known = false;
     }
     if (!cut && !member.joined) {
       member.joined = true;
-      state.joined(at(now_));
+      member.gateway->peers.joined(at(now_));
     }
     if (member.lease_known && !member.lease) {
       member.lease_known = false;
@@ -419,7 +420,7 @@ class RandomPair final {
         if (!member.lease || cut) continue;
         member.acknowledgements.emplace_back(now_ + delay(), id);
         if (other(member).joined)
-          other(member).gateway->state.heard_heartbeat(boot(member), 0, at(now_));
+          other(member).gateway->peers.heard_heartbeat(boot(member), 0, at(now_));
       }
     }
   }
