@@ -171,7 +171,7 @@ void PairMember::run(const std::stop_token& stop) {
   lease_ = std::make_unique<PahoBroker>(settings_with(config_.mqtt, "-pair"), MakeWill{}, notify);
   evicting_ = std::make_unique<PahoBroker>(config_.mqtt, MakeWill{}, notify);
   member_->connect(server_, kReceiveMaximum);
-  log_role();
+  log_changes(boot_time_now());
   std::optional<BootTime> leave_by;
   while (!stop.stop_requested()) {
     {
@@ -207,13 +207,18 @@ void PairMember::keep(BootTime now) {
   take_evicting_events(now);
   take_lease_events(now);
   if (permit_.opens_at() != state_.opens_at()) permit_.open_at(state_.opens_at());
-  if (leaving_ || over_) return send_announcements();
-  permit_.extend(state_.holds_until());
-  for (const PairState::Order order : state_.step(now)) carry_out(order, now);
-  go_on_with_claim(now);
-  log_role();
-  log_peer(now);
-  send_announcements();
+  const bool goes_on = !leaving_ && !over_;
+  if (goes_on) {
+    permit_.extend(state_.holds_until());
+    for (const PairState::Order order : state_.step(now)) carry_out(order, now);
+    go_on_with_claim(now);
+    log_changes(now);
+  }
+  const auto announce = [this](std::string text) {
+    return publish_in_journal(*lease_, std::move(text));
+  };
+  announcements_.step(lease_up_, announce, std::chrono::steady_clock::now());
+  if (!goes_on) return;
   for (PairFault next = peers_.take_fault(); !next.text.empty(); next = peers_.take_fault()) {
     if (next.is_over)
       log::info("pair", {{"state", "over"}, {"fault", next.text}});
@@ -224,12 +229,12 @@ void PairMember::keep(BootTime now) {
     connect_at_ = {};
     member_->connect(server_, kReceiveMaximum);
   }
-  send_replies();
-  announce_unanswered(now);
+  send_journal(now);
   if (journal_) journal_->upkeep(std::chrono::steady_clock::now());
 }
 
-void PairMember::send_replies() {
+/// Publishes the replies, and the next command that earlier processes of this gateway left.
+void PairMember::send_journal(BootTime now) {
   std::deque<JournalEntry> answered;
   {
     const std::lock_guard lock(mutex_);
@@ -238,10 +243,6 @@ void PairMember::send_replies() {
   for (JournalEntry& entry : answered)
     publish_in_journal(*member_, pair_messages::announcement(
                                      {.boot = boot_, .answered = true, .entry = std::move(entry)}));
-}
-
-/// Announces what earlier processes of this gateway left, one command after the other.
-void PairMember::announce_unanswered(BootTime now) {
   // An active agent publishes the results itself.
   if (!journal_ || !member_up_ || announcing_ != 0) return;
   auto left = journal_->next_unanswered(now);
@@ -325,12 +326,8 @@ void PairMember::hear(const Message& message, BootTime now) {
   } else if (place->leaf == "heartbeat") {
     const auto heartbeat = pair_messages::heartbeat_from(message.payload);
     if (!heartbeat) return;
-    if (heartbeat->boot != boot_) {
-      auto& highest = place->member == pair_.member ? own_seq_ : other_seq_;
-      highest = std::max(highest, heartbeat->seq);
-    }
     const std::lock_guard lock(mutex_);
-    peers_.heard_heartbeat(heartbeat->boot, heartbeat->seq, now);
+    peers_.heard_heartbeat(place->member, heartbeat->boot, heartbeat->seq, now);
   } else if (auto announcement = pair_messages::announcement_from(message.payload)) {
     hear_announcement(std::move(*announcement), place->member, message.topic);
   }
@@ -341,7 +338,8 @@ void PairMember::hear_announcement(pair_messages::Announcement announcement,
   const bool is_of_this_process = announcement.boot == boot_;
   JournalEntry& entry = announcement.entry;
   if (announcement.mark != 0) {
-    mark_came_ = mark_came_ || (is_of_this_process && announcement.mark == mark_);
+    if (claim_ == Claim::marking && is_of_this_process && announcement.mark == mark_)
+      claim_ = Claim::marked;
   } else if (!is_of_this_process && journal_) {
     if (announcement.answered) return journal_->keep_answered(entry);
     // Its own topic may still have announcements of the process before this one.
@@ -454,9 +452,8 @@ void PairMember::take_evicting_events(BootTime now) {
     } else if (std::holds_alternative<Connected>(event)) {
       evicting_->disconnect();
       claim_ = Claim::marking;
-      mark_came_ = false;
-      mark_ = next_id_;  // publish() uses it
-      publish_in_journal(*lease_, pair_messages::announcement({.boot = boot_, .mark = mark_}));
+      mark_ = publish_in_journal(*lease_,
+                                 pair_messages::announcement({.boot = boot_, .mark = next_id_}));
     }
   }
 }
@@ -473,11 +470,10 @@ void PairMember::go_on_with_claim(BootTime now) {
     claim_ = Claim::evicting;
     evicting_->connect(server_, kReceiveMaximum);
   }
-  if (claim_ != Claim::marking || !mark_came_) return;
+  if (claim_ != Claim::marked) return;
   claim_ = Claim::claimed;
-  // Numbers grow with each takeover: the other gateway has held the pair after this one, and its
-  // results may not have come here.
-  if (!heard_all_ && other_seq_ > own_seq_) journal_->acknowledge_own_commands();
+  // Results that the other gateway published may not have come here.
+  if (!heard_all_ && peers_.other_held_last()) journal_->acknowledge_own_commands();
   auto unwritten = journal_->close();
   journal_.reset();
   state_.has_claimed();
@@ -507,10 +503,8 @@ void PairMember::carry_out(PairState::Order order, BootTime now) {
         const std::lock_guard lock(mutex_);
         if (claimed_) seq = std::max(agent_ ? agent_->highest_seq() : 0, floor_) + kReserve;
       }
-      const std::uint64_t id = next_id_;  // publish() uses it
-      state_.heartbeat_sent(id, now);
-      publish(*lease_, retained(topic("/heartbeat"), pair_messages::heartbeat({boot_, seq}, id)));
-      return;
+      const std::string text = pair_messages::heartbeat({boot_, seq}, next_id_);
+      return state_.heartbeat_sent(publish(*lease_, retained(topic("/heartbeat"), text)), now);
     }
   }
 }
@@ -529,32 +523,21 @@ void PairMember::publish_status() {
   publish(*member_, retained(topic(), pair_messages::status(status)));
 }
 
-void PairMember::send_announcements() {
-  const auto announce = [this](std::string text) {
-    return publish_in_journal(*lease_, std::move(text));
-  };
-  announcements_.step(lease_up_, announce, std::chrono::steady_clock::now());
-}
-
-void PairMember::log_role() {
-  if (state_.role() == logged_) return;
-  logged_ = state_.role();
-  log::info("pair", {{"role", std::string(to_string(logged_))},
-                     {"why", state_.why()},
-                     {"member", pair_.member},
-                     {"boot", boot_},
-                     {"peer", peers_.peer()}});
-}
-
-void PairMember::log_peer(BootTime now) {
+void PairMember::log_changes(BootTime now) {
   const std::string peer = peers_.peer();
+  if (state_.role() != std::exchange(logged_, state_.role()))
+    log::info("pair", {{"role", std::string(to_string(logged_))},
+                       {"why", state_.why()},
+                       {"member", pair_.member},
+                       {"boot", boot_},
+                       {"peer", peer}});
   if (logged_peer_ == peer || (peer.empty() && !peers_.knows_peer(now))) return;
   logged_peer_ = peer;
-  if (logged_peer_->empty())
+  if (peer.empty())
     log::warn("pair", {{"peer", ""},
                        {"note", "the other gateway is away; if this one fails, none takes over"}});
   else
-    log::info("pair", {{"peer", *logged_peer_}});
+    log::info("pair", {{"peer", peer}});
 }
 
 }  // namespace fxagent

@@ -82,7 +82,7 @@ class PairMember final {
 
  private:
   /// Steps of a claim, in order.
-  enum class Claim : std::uint8_t { none, evicting, marking, claimed };
+  enum class Claim : std::uint8_t { none, evicting, marking, marked, claimed };
 
   /// Makes the thread begin its next round. Under mutex_.
   void wake() {
@@ -104,11 +104,8 @@ class PairMember final {
   void go_on_with_claim(BootTime now);
   void carry_out(PairState::Order order, BootTime now);
   void publish_status();
-  void send_announcements();
-  void send_replies();
-  void announce_unanswered(BootTime now);
-  void log_role();
-  void log_peer(BootTime now);
+  void send_journal(BootTime now);
+  void log_changes(BootTime now);
   /// Publishes under a new id, and returns it.
   std::uint64_t publish(Broker& session, Publication publication);
   /// Same on the topic of this gateway's announcements.
@@ -139,12 +136,9 @@ class PairMember final {
   BootTime connect_at_{};
   bool lease_up_ = false;
   Claim claim_ = Claim::none;
-  bool over_ = false;  ///< the lease ended while the agent stops
-  std::uint64_t next_id_ = 1;
-  std::uint64_t own_seq_ = 0;    ///< of the last heartbeat of earlier processes of this gateway
-  std::uint64_t other_seq_ = 0;  ///< of the last heartbeat of the other gateway
+  bool over_ = false;          ///< the lease ended while the agent stops
+  std::uint64_t next_id_ = 1;  ///< of publish(); heartbeats and marks have it as their number
   std::uint64_t mark_ = 0;
-  bool mark_came_ = false;
   std::uint64_t farewell_ = 0;    ///< publication of the last status
   std::uint64_t announcing_ = 0;  ///< publication of an unanswered command; 0: none
   Announcements announcements_;

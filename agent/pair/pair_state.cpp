@@ -116,9 +116,12 @@ void PairPeers::judge_third(PairRole role, BootTime now) {
   if (third_ != was) changed_ = true;
 }
 
-void PairPeers::heard_heartbeat(const std::string& boot, std::uint64_t seq, BootTime now) {
+void PairPeers::heard_heartbeat(const std::string& member, const std::string& boot,
+                                std::uint64_t seq, BootTime now) {
   highest_seq_ = std::max(highest_seq_, seq);
   if (boot == settings_.boot) return;
+  std::uint64_t& highest = member == settings_.member ? own_seq_ : other_seq_;
+  highest = std::max(highest, seq);
   remember(boot, boots_);
   if (gone_.contains(boot)) return;
   holder_ = boot;
@@ -182,8 +185,7 @@ void PairState::heard(const PairStatus& status, BootTime now) {
   const bool was_third = peers_.is_third();
   peers_.heard(status, role_, now);
   if (role_ == PairRole::claiming) opens_at_ = since_ + peers_.quiet();
-  // If one of the pair has ended, the other one takes over, and this gateway only then is the
-  // second.
+  // One of the pair has ended. The other one takes over: only then is this gateway the second.
   if (was_third && !peers_.is_third())
     not_before_ = std::max(not_before_, now + 3 * peers_.quiet());
 }

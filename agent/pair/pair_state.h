@@ -68,7 +68,8 @@ class PairPeers final {
   /// A status; `role`: of this gateway. Called by PairState::heard().
   void heard(const PairStatus& status, PairRole role, BootTime now);
   /// A heartbeat of the holder. `seq`: no sequence number above it was used.
-  void heard_heartbeat(const std::string& boot, std::uint64_t seq, BootTime now);
+  void heard_heartbeat(const std::string& member, const std::string& boot, std::uint64_t seq,
+                       BootTime now);
   /// Judges the faults that begin or end with time. Called by PairState::step().
   void step(BootTime now);
 
@@ -88,6 +89,9 @@ class PairPeers final {
   std::optional<BootTime> holder_heard_at() const { return holder_heard_at_; }
   /// Highest number of all heartbeats so far.
   std::uint64_t highest_seq() const { return highest_seq_; }
+  /// True if the other gateway has held the pair after the earlier processes of this one: numbers
+  /// grow with each takeover.
+  bool other_held_last() const { return other_seq_ > own_seq_; }
   /// True for the boot of another gateway of this pair, or of an earlier process of this one.
   bool knows(const std::string& boot) const { return boots_.contains(boot); }
   /// True if this gateway's status must be published since the last call.
@@ -119,6 +123,8 @@ class PairPeers final {
   std::string holder_;  ///< boot of the last foreign heartbeat
   std::optional<BootTime> holder_heard_at_;
   std::uint64_t highest_seq_ = 0;
+  std::uint64_t own_seq_ = 0;                  ///< highest of earlier processes of this gateway
+  std::uint64_t other_seq_ = 0;                ///< highest of other gateways
   std::map<std::string, std::string> faults_;  ///< texts of those that last, by cause
   std::deque<PairFault> fault_news_;           ///< not taken yet
   bool same_name_ = false;                     ///< another member of this name, since the last step

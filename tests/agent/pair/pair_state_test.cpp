@@ -138,7 +138,7 @@ TEST(PairState, LongerSettingOfTheOtherCountsAndIsNamed) {
   EXPECT_EQ(b.peers.take_fault().text,
             "quiet_ms of member a is 2400, and of member b 1200: make them equal; until then both "
             "wait for the longer one");
-  b.peers.heard_heartbeat("boot-a", 5, at(0));
+  b.peers.heard_heartbeat("a", "boot-a", 5, at(0));
   // Half of 2400 ms, and a quarter more after the start, because its name is the higher one.
   EXPECT_FALSE(b.steps(1799, Order::connect_lease));
   EXPECT_TRUE(b.steps(1800, Order::connect_lease));
@@ -158,7 +158,7 @@ TEST(PairState, SettingOfAGatewayThatHasEndedCounts) {
 TEST(PairState, StandbyWaitsWhileTheHolderIsHeard) {
   JoinedGateway b("b", "boot-b");
   for (int ms = 0; ms < 5000; ms += 200) {
-    b.peers.heard_heartbeat("boot-a", 5, at(ms));
+    b.peers.heard_heartbeat("a", "boot-a", 5, at(ms));
     EXPECT_FALSE(b.steps(ms + 199, Order::connect_lease)) << ms;
   }
   EXPECT_TRUE(b.steps(4800 + 600, Order::connect_lease));
@@ -168,11 +168,11 @@ TEST(PairState, StandbyWaitsWhileTheHolderIsHeard) {
 TEST(PairState, StandbyClaimsAtOnceWhenTheHolderHasEnded) {
   JoinedGateway b("b", "boot-b");
   b.state.heard({"a", "boot-a", "active"}, at(0));
-  b.peers.heard_heartbeat("boot-a", 0, at(5000));
+  b.peers.heard_heartbeat("a", "boot-a", 0, at(5000));
   b.state.heard({"a", "boot-a", "offline"}, at(5010));
   EXPECT_TRUE(b.steps(5010, Order::connect_lease));
   b.state.lease_ended(false, at(5020));
-  b.peers.heard_heartbeat("boot-a", 0, at(5021));  // was on its way
+  b.peers.heard_heartbeat("a", "boot-a", 0, at(5021));  // was on its way
   EXPECT_TRUE(b.steps(5620, Order::connect_lease)) << "a boot that has ended holds nothing";
 }
 
@@ -247,7 +247,7 @@ TEST(PairState, MembersOfAPairStayWhatTheyAreWhenAThirdOneComes) {
   JoinedGateway b("b", "boot-b");
   b.state.heard({"a", "boot-a", "active"}, at(1));
   b.state.heard({"b", "boot-b", "standby"}, at(2));  // its own, which it published when it joined
-  b.peers.heard_heartbeat("boot-a", 0, at(9990));
+  b.peers.heard_heartbeat("a", "boot-a", 0, at(9990));
   b.state.heard({"0", "boot-0", "standby"}, at(10000));
   EXPECT_FALSE(b.peers.is_third());
   EXPECT_NE(b.peers.take_fault().text.find("0, a"), std::string::npos);
@@ -321,11 +321,23 @@ TEST(PairState, FaultsThatComeAndGoAreAlwaysNamed) {
 TEST(PairState, KnowsTheBootsOfThePair) {
   JoinedGateway a;
   a.state.heard({"b", "boot-b", "offline"}, at(1));
-  a.peers.heard_heartbeat("boot-old", 0, at(1));
+  a.peers.heard_heartbeat("a", "boot-old", 0, at(1));
   EXPECT_TRUE(a.peers.knows("boot-b"));
   EXPECT_TRUE(a.peers.knows("boot-old"));
   EXPECT_FALSE(a.peers.knows("boot-a"));
   EXPECT_FALSE(a.peers.knows("boot-x"));
+}
+
+TEST(PairPeers, TheHighestNumberTellsWhichGatewayHeldThePairLast) {
+  JoinedGateway a;
+  EXPECT_FALSE(a.peers.other_held_last());
+  a.peers.heard_heartbeat("b", "boot-b", 5, at(1));
+  EXPECT_TRUE(a.peers.other_held_last());
+  a.peers.heard_heartbeat("a", "boot-old", 7, at(2));
+  EXPECT_FALSE(a.peers.other_held_last());
+  a.peers.heard_heartbeat("a", "boot-a", 9, at(3));  // of this process
+  a.peers.heard_heartbeat("b", "boot-b", 8, at(4));
+  EXPECT_TRUE(a.peers.other_held_last());
 }
 
 /// A broker for two gateways: delivers what they publish after a random time, ends the lease
@@ -420,7 +432,7 @@ class RandomPair final {
         if (!member.lease || cut) continue;
         member.acknowledgements.emplace_back(now_ + delay(), id);
         if (other(member).joined)
-          other(member).gateway->peers.heard_heartbeat(boot(member), 0, at(now_));
+          other(member).gateway->peers.heard_heartbeat(member.name, boot(member), 0, at(now_));
       }
     }
   }
