@@ -118,6 +118,19 @@ class PairMember final {
   const std::string boot_;
   LinePermit permit_;
 
+  // Outlives the sessions: the threads of the MQTT library call wake() until they are closed.
+  std::atomic<bool> leaving_ = false;  ///< written under mutex_ with woken_, read without it
+  mutable std::mutex mutex_;
+  std::condition_variable news_;
+  bool woken_ = false;                   ///< under mutex_
+  bool claimed_ = false;                 ///< under mutex_
+  bool left_ = false;                    ///< under mutex_
+  std::uint64_t rounds_ = 0;             ///< under mutex_
+  std::uint64_t floor_ = 0;              ///< under mutex_
+  std::optional<Agent> agent_;           ///< under mutex_; nullopt: it does not run yet
+  std::vector<JournalEntry> unwritten_;  ///< under mutex_
+  std::deque<JournalEntry> answered_;    ///< under mutex_
+
   // Of the pair's thread.
   PairPeers peers_;  ///< what it hears is written under mutex_, for knows()
   PairState state_;
@@ -142,18 +155,6 @@ class PairMember final {
   std::uint64_t farewell_ = 0;    ///< publication of the last status
   std::uint64_t announcing_ = 0;  ///< publication of an unanswered command; 0: none
   Announcements announcements_;
-
-  std::atomic<bool> leaving_ = false;  ///< written under mutex_ with woken_, read without it
-  mutable std::mutex mutex_;
-  std::condition_variable news_;
-  bool woken_ = false;                   ///< under mutex_
-  bool claimed_ = false;                 ///< under mutex_
-  bool left_ = false;                    ///< under mutex_
-  std::uint64_t rounds_ = 0;             ///< under mutex_
-  std::uint64_t floor_ = 0;              ///< under mutex_
-  std::optional<Agent> agent_;           ///< under mutex_; nullopt: it does not run yet
-  std::vector<JournalEntry> unwritten_;  ///< under mutex_
-  std::deque<JournalEntry> answered_;    ///< under mutex_
   std::jthread thread_;
 };
 
