@@ -176,9 +176,12 @@ CommandAdmission::Decision CommandAdmission::admit(Command command,
   if (!command.id.empty()) {
     if (const auto seen = ids_.find(command.id, now)) {
       set_outcome(result, CommandStatus::duplicate, Reason::duplicate_id, {});
-      if (seen->over) result.first_number = seen->number;
-      if (!seen->number)
+      if (!seen->over)
+        result.detail = "the command is not finished and has no result yet; it is not repeated";
+      else if (!seen->number)
         result.detail = "the command is over and its result is no longer kept; it is not repeated";
+      else
+        result.first_number = seen->number;
       result.first = seen->result;
       if (result.first) result.plc = result.first->plc;
       return result;

@@ -71,6 +71,7 @@ std::span<const ByteOrder> word_orders(const ProtocolInfo& protocol) {
 ConfigKey word_order_key(const ProtocolInfo* protocol) {
   ConfigKey key = config_key("devices[].tags[].word_order");
   constexpr std::size_t kNames = 2;  // low_first and high_first, before the orders
+  static_assert(config_keys::kWordOrders.size() == kNames + kByteOrders.size());
   if (protocol != nullptr)
     key.limits = key.limits.words.first(kNames + word_orders(*protocol).size());
   return key;

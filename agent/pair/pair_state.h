@@ -94,7 +94,7 @@ class PairPeers final {
   bool other_held_last() const { return other_seq_ > own_seq_; }
   /// True for the boot of another gateway of this pair, or of an earlier process of this one.
   bool knows(const std::string& boot) const { return boots_.contains(boot); }
-  /// True if this gateway's status must be published since the last call.
+  /// True, once, if a change makes it necessary to publish this gateway's status.
   bool take_change() { return std::exchange(changed_, false); }
   /// Returns the next fault that has begun or is over.
   PairFault take_fault();

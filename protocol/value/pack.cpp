@@ -97,6 +97,7 @@ Result<void> check_scalar(const Point& point, const Scalar& given) {
 }  // namespace
 
 Result<void> check_kind(const Point& point, const Value& value) {
+  if (value.is_array && value.items.empty()) return refuse("an array without elements");
   if (value.is_array != point.is_array)
     return refuse(point.is_array ? "an array is expected" : "one value is expected, not an array");
   if (value.items.size() != point.count)

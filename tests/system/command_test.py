@@ -456,6 +456,7 @@ class Commands(PlantTest):
         running = self.watcher.wait(f"{BASE}/press1/result",
                                     lambda r: r["id"] == "slow" and r["status"] == "DUPLICATE")
         self.assertIsNone(running["first"])
+        self.assertIn("not finished", running["detail"])
         self.watcher.wait(f"{BASE}/press1/result",
                           lambda r: r["id"] == "slow" and r["status"] == "SUCCEEDED")
         self.assertEqual([o["value"] for o in self.sim.commands("press1")], [5, 7])

@@ -24,10 +24,10 @@ constexpr std::size_t kLeastShared = 4;
 
 }  // namespace
 
-ResultDelivery::ResultDelivery(const Config& config, CommandResults& commands, Outgoing& outgoing,
+ResultDelivery::ResultDelivery(const Config& config, CommandResults& results, Outgoing& outgoing,
                                JitteredBackoff& backoff, UtcClock utc_ms)
     : base_(config.base_topic()),
-      commands_(commands),
+      source_(results),
       outgoing_(outgoing),
       backoff_(backoff),
       utc_ms_(std::move(utc_ms)) {}
@@ -87,7 +87,7 @@ void ResultDelivery::hand_over(std::uint64_t key, std::size_t copy, SteadyTime n
     result.total = std::max(now - result.received, SteadyTime::duration::zero());
     if (result.sent) durations_.add(*result.total);
     result.text = with_total(std::move(result.text), *result.total);
-    commands_.note_total(result);
+    source_.note_total(result);
   }
   Copy& to = pending.copies[copy];
   to.state = State::in_flight;
@@ -141,7 +141,7 @@ void ResultDelivery::copy_done(const Flight& flight, State how) {
   const auto is_done = [](const Copy& each) { return each.state >= State::acknowledged; };
   if (!std::ranges::all_of(copies, is_done)) return;
   const bool has_arrived = copies.front().state == State::acknowledged;
-  commands_.note_delivery(found->second.result, has_arrived, utc_ms_());
+  source_.note_delivery(found->second.result, has_arrived, utc_ms_());
   bytes_ -= found->second.bytes;
   results_.erase(found);
 }

@@ -25,7 +25,7 @@ class ResultDelivery final : public Outgoing::Sender {
   using UtcClock = std::function<std::int64_t()>;
 
   /// All references outlive the object.
-  ResultDelivery(const Config& config, CommandResults& commands, Outgoing& outgoing,
+  ResultDelivery(const Config& config, CommandResults& results, Outgoing& outgoing,
                  JitteredBackoff& backoff, UtcClock utc_ms);
 
   void add(ResultMessage result, SteadyTime now);
@@ -79,7 +79,7 @@ class ResultDelivery final : public Outgoing::Sender {
   void copy_done(const Flight& flight, State how);
 
   const std::string base_;
-  CommandResults& commands_;
+  CommandResults& source_;
   Outgoing& outgoing_;
   JitteredBackoff& backoff_;
   const UtcClock utc_ms_;

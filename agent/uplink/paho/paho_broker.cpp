@@ -150,10 +150,13 @@ void PahoBroker::connect(std::size_t index, std::uint16_t receive_maximum) {
 }
 
 void PahoBroker::disconnect(bool with_will) {
-  if (with_will && connection_) connection_->break_off();
-  if (with_will || !connection_ || !connection_->is_connected()) {
+  if (!connection_ || !connection_->is_connected()) {
     retire();
     inbox_->begin(connections_);
+    return inbox_->post(connections_, Disconnected{});
+  }
+  if (with_will) {
+    connection_->break_off();
     return inbox_->post(connections_, Disconnected{});
   }
   try {

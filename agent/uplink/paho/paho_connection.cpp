@@ -1,8 +1,10 @@
 #include "agent/uplink/paho/paho_connection.h"
 
+#include <fcntl.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <sys/socket.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <climits>
@@ -105,13 +107,15 @@ void BorrowedSocket::pause(bool paused) noexcept {
 
 void BorrowedSocket::shut_down() noexcept {
   const std::lock_guard lock(mutex_);
-  if (is_open()) ::shutdown(fd_, SHUT_RDWR);
+  // A copy stays the same socket if the library closes its own meanwhile.
+  const int copy = cookie_ == 0 ? -1 : fcntl(fd_, F_DUPFD_CLOEXEC, 0);
+  if (copy < 0) return;
+  if (cookie_of(copy) == cookie_) ::shutdown(copy, SHUT_RDWR);
+  ::close(copy);
 }
 
-bool BorrowedSocket::is_open() const noexcept { return cookie_ != 0 && cookie_of(fd_) == cookie_; }
-
 void BorrowedSocket::apply() noexcept {
-  if (!is_open()) return;
+  if (cookie_ == 0 || cookie_of(fd_) != cookie_) return;
   // The kernel reduces INT_MAX to half of its buffer. When the value becomes 1 again, it wakes a
   // waiting poll() at once if data has arrived.
   const int least = paused_ ? INT_MAX : 1;
@@ -197,6 +201,11 @@ mqtt::token_ptr PahoConnection::disconnect() {
   leaving_ = true;
   socket_.pause(false);
   return client_.disconnect(0, nullptr, *this);
+}
+
+void PahoConnection::break_off() noexcept {
+  leaving_ = broken_off_ = true;
+  socket_.shut_down();
 }
 
 void PahoConnection::publish(Publication publication) {

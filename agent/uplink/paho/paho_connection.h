@@ -21,8 +21,9 @@
 
 namespace fxagent {
 
-/// The socket of a TCP connection that a library owns. Does not touch a socket that has been closed
-/// since, even if its number is in use again. Any thread.
+/// The socket of a TCP connection that a library owns. Has no effect on a socket that has been
+/// closed since, even if its number is in use again, nor on systems without SO_COOKIE, socket(7).
+/// Any thread.
 class BorrowedSocket final {
  public:
   /// Selects the socket; -1: none.
@@ -36,7 +37,6 @@ class BorrowedSocket final {
   void shut_down() noexcept;
 
  private:
-  bool is_open() const noexcept;
   void apply() noexcept;
 
   std::mutex mutex_;
@@ -63,10 +63,10 @@ class PahoConnection final : public virtual mqtt::callback, public virtual mqtt:
   /// Starts a clean disconnect; its token is complete when the DISCONNECT has been sent.
   mqtt::token_ptr disconnect();
   /// Ends the TCP connection, which Paho then finds closed: it has no way to leave without a
-  /// DISCONNECT.
-  void break_off() noexcept { socket_.shut_down(); }
-  bool is_connected() const { return client_.is_connected(); }
-  /// True after disconnect().
+  /// DISCONNECT. What has arrived by then may still be posted, but no Lost.
+  void break_off() noexcept;
+  bool is_connected() const { return !broken_off_ && client_.is_connected(); }
+  /// True after disconnect() and break_off().
   bool is_leaving() const { return leaving_; }
 
   void publish(Publication publication);
@@ -104,6 +104,7 @@ class PahoConnection final : public virtual mqtt::callback, public virtual mqtt:
   std::atomic<std::size_t> let_in_ = 0;  ///< messages before the pause
   std::atomic<bool> connected_posted_ = false;
   std::atomic<bool> leaving_ = false;
+  bool broken_off_ = false;  ///< of the uplink's thread
   std::atomic<bool> lost_ = false;
   mqtt::async_client client_;  ///< last member: destroyed before what its callbacks use
 };

@@ -103,8 +103,8 @@ void RetainedState::pump(SteadyTime now) {
       log::warn("retained_state_overwritten",
                 {{"topic", publication_of(key, now).topic},
                  {"note",
-                  "another client published there, or the broker this agent's last will; the agent "
-                  "publishes its own state again"}});
+                  "another client published there, or the broker published this agent's last will; "
+                  "the agent publishes its own state again"}});
     return true;
   });
   for (auto next = due_.begin(); next != due_.end() && outgoing_.has_room();) {

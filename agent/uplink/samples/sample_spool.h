@@ -155,8 +155,8 @@ class WaitingSamples final {
   DroppedSamples dropped_;
 };
 
-/// Gathers samples that cannot be sent now, and writes several at once. Also keeps rows of live
-/// samples on disk, which the broker has not acknowledged within kLiveFor.
+/// Gathers samples that cannot be sent now, and writes several at once. Also keeps on disk those
+/// live samples that the broker has not acknowledged within kLiveFor.
 class SampleSpool final {
  public:
   /// A sample that has waited longer is on disk, or is history.

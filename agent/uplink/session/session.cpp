@@ -120,7 +120,7 @@ void Session::begin_anew(SteadyTime now) {
     end(now);
   }
   if (link_ == Link::connecting) listener_.attempt_failed();
-  // An attempt without an answer gets no DISCONNECT: connect() abandons it.
+  // An attempt without an answer is not left: connect() abandons it.
   link_ = was_connected ? Link::leaving : Link::waiting;
   act_at_ = was_connected ? now + kGoodbye : now;
 }

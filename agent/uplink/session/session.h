@@ -31,7 +31,7 @@ class Session final {
   };
 
   /// All references outlive the session; `mqtt` has the servers. `profile` names it in the log;
-  /// empty: it is the agent's own. `with_will`: leaves no broker without its last will.
+  /// empty: it is the agent's own. `with_will`: it leaves by Broker::disconnect(true).
   Session(Broker& broker, Outgoing& outgoing, const MqttConfig& mqtt, JitteredBackoff& backoff,
           Listener listener, std::string profile = {}, bool with_will = false);
 
@@ -49,12 +49,12 @@ class Session final {
   /// so far are answered. Messages queued at the broker are lost with the session, as with every
   /// loss.
   void connect_anew(SteadyTime now);
-  /// Starts again with the first server. Ends an existing connection with a DISCONNECT.
+  /// Starts again with the first server. Leaves a server that is connected.
   void begin_anew(SteadyTime now);
-  /// Leaves this server with a DISCONNECT and connects to the next one, not before 2 s are over.
+  /// Leaves this server and connects to the next one, not before 2 s are over.
   void go_to_next(SteadyTime now);
-  /// Begins the shutdown. If the session is leaving, it connects again, so that the broker that
-  /// received a DISCONNECT also receives the final state.
+  /// Begins the shutdown. If the session is leaving, it connects again, so that the broker that it
+  /// has left also receives the final state.
   void begin_end(SteadyTime now);
   /// Completes the shutdown: publications not delivered yet stay undelivered.
   void give_up(SteadyTime now);
@@ -77,7 +77,7 @@ class Session final {
   std::uint16_t receive_maximum() const { return receive_maximum_; }
 
  private:
-  /// leaving: a DISCONNECT was sent in order to reconnect; events read before it still arrive.
+  /// leaving: it has left a server in order to reconnect; events read before that still arrive.
   enum class Link : std::uint8_t { waiting, connecting, connected, leaving };
 
   void connect(SteadyTime now);

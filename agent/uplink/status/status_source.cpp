@@ -245,8 +245,8 @@ AgentStatus StatusSource::make(SteadyTime now) const {
     const auto refused = parts_.refused.reason(device.name);
     status.refused.push_back(refused ? hex_code(*refused) : std::string());
   }
-  status.commands = parts_.commands.counts();
-  const auto& last = parts_.commands.last();
+  status.commands = parts_.command_results.counts();
+  const auto& last = parts_.command_results.last();
   status.last_commands.assign(last.begin(), last.end());
   status.store_state = parts_.store == nullptr ? "memory" : parts_.store->state();
   status.store_bytes = parts_.spool.waiting().backlog().bytes();

@@ -60,7 +60,7 @@ class StatusSource final {
   /// The parts from which the status is made; all outlive the object.
   struct Parts {
     const Config& config;
-    const CommandResults& commands;
+    const CommandResults& command_results;
     const Session& session;
     const Subscriptions& subscriptions;
     const DeviceStates& states;

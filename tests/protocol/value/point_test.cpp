@@ -516,6 +516,7 @@ TEST(Pack, AWrongKindSaysWhatToSendInstead) {
         Case{bit, text("1"),
              R"(bool takes true, false, 1 or 0: send the number 1, not the text "1")"},
         Case{bit, whole(2), "bool takes true, false, 1 or 0"},
+        Case{word, Value::array({}), "an array without elements"},
         Case{label, whole(5), R"(string takes a text: send "5" in quotes, not a number)"},
         Case{label, real(2.5), R"(string takes a text: send "2.5" in quotes, not a number)"},
         Case{label, flag(true), "string takes a text: send it in quotes"}}) {

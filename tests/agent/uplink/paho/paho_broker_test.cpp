@@ -86,6 +86,12 @@ class Client {
     }
   }
 
+  /// Waits until there is an event, and leaves it to the broker.
+  void await_event() {
+    std::unique_lock lock(mutex_);
+    EXPECT_TRUE(changed_.wait_for(lock, kLimit, [this] { return news_; }));
+  }
+
   /// The number of Connected events so far.
   int connections() const { return connections_; }
 
@@ -738,6 +744,18 @@ TEST_F(PahoBrokerTls, SocketsOfOthersAreLeftAlone) {
   expect_others_left_alone(mosquitto, tls(mosquitto.url("mqtts", "localhost"), "ca.pem"));
 }
 
+TEST_F(PahoBrokerTls, WillIsSaidForOneThatLeavesWithIt) {
+  const Mosquitto mosquitto(listener());
+  const MqttConfig config = tls(mosquitto.url("mqtts", "localhost"), "ca.pem");
+  OnlineClient observer(config);
+  observer.subscribe("will/#");
+  MqttConfig other = config;
+  other.client_id += "-leaver";
+  OnlineClient leaver(other, retained("will/leaver", "gone"));
+  leaver->disconnect(true);
+  EXPECT_EQ(observer.next<Message>().topic, "will/leaver");
+}
+
 TEST_F(PahoBrokerTls, WrongAuthorityReadsAsSuch) {
   const Mosquitto mosquitto(listener());
   const std::string text =
@@ -876,9 +894,14 @@ TEST_P(PahoBrokerVersion, WillIsSaidForOneThatLeavesWithIt) {
   OnlineClient leaver(settings(mosquitto.url(), GetParam()), retained("will/leaver", "gone"));
   leaver->publish(publication(1, "will/before", "x"));
   leaver.next<Delivered>();
+  leaver.subscribe("to/leaver");
+  observer->publish(publication(1, "to/leaver", "x"));
+  leaver.await_event();
+  leaver->hold_messages(true);
   leaver->disconnect(true);
-  leaver.next<Disconnected>();
   EXPECT_FALSE(leaver->is_connected());
+  EXPECT_EQ(leaver.next<Message>().topic, "to/leaver") << "what has arrived is not lost";
+  leaver.next<Disconnected>();
   EXPECT_EQ(observer.next<Message>().topic, "will/before");
   EXPECT_EQ(observer.next<Message>().topic, "will/leaver");
   EXPECT_EQ(leaver.connect().session_present, false) << "and it can come back";
