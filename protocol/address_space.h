@@ -13,8 +13,8 @@
 
 namespace fxagent {
 
-/// A command that reads several places in one frame (random read, blocks), with the limits of a
-/// Gather in one frame. Its parts are reads of any space, by the ways that name the command.
+/// A command that reads several places in one frame (random read, blocks), and the limits of that
+/// frame. Its parts may be reads of different spaces, by ways that name the command.
 struct GatherCommand {
   std::uint8_t gather = 1;  ///< ReadWay::gather of these ways; above 0
   std::uint32_t max_parts = 1;

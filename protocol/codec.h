@@ -102,8 +102,7 @@ class Codec {
   /// Returns a read of less than `request`, with a shorter answer, so that the two answers cannot
   /// be confused. nullopt if `request` is not a read or cannot be shorter.
   std::optional<Request> apart_from(const Request& request) const;
-  /// Returns how many bits less give a read a shorter answer; 0: apart_from() returns no
-  /// shorter read.
+  /// Returns the bits by which apart_from() shortens the read; 0: it cannot.
   virtual std::uint32_t shorter_by(const Read& /*read*/) const { return 0; }
 
   // Refusals.

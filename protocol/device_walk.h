@@ -36,7 +36,7 @@ class DeviceWalk : public FrameWalk {
  protected:
   /// Returns the device that all of `wire` names.
   virtual std::optional<FrameDevice> device_in(ByteView wire) = 0;
-  void add_device(const std::string& name);  ///< to the others of the frame
+  void add_device(const std::string& name);  ///< appends to Explanation::device
 
   FrameDevice device_;
   std::uint32_t devices_of_point_ = 1;  ///< 16 for a word of a bit device

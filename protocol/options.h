@@ -41,8 +41,8 @@ const T* option(const Options& options, std::string_view key) {
   return found == options.end() ? nullptr : std::get_if<T>(&found->second);
 }
 
-/// Replaces `value` by an integer option if that is given, and moves it into `least` to `most`,
-/// which the type of `value` must hold.
+/// Sets `value` to an integer option if that is given. Then clamps it to `least` … `most`, which
+/// its type must hold.
 template <class Number>
 void take_option(Number& value, const Options& options, std::string_view key, std::int64_t least,
                  std::int64_t most) {

@@ -25,8 +25,8 @@ class CommandAdmission final {
  public:
   using Decision = std::variant<CommandResult, AdmittedCommand>;
 
-  /// `device` outlives admission, or the next use(). `shared` is common to the admission of all
-  /// devices and to pending commands.
+  /// `device` must live until the next use(). `shared` is common to the admission of all devices
+  /// and to pending commands.
   explicit CommandAdmission(const DeviceConfig& device, std::shared_ptr<SharedAdmission> shared =
                                                             std::make_shared<SharedAdmission>())
       : device_(&device), shared_(std::move(shared)), ids_(shared_, device.name) {}

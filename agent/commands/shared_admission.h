@@ -1,5 +1,5 @@
-// What all devices of an agent share for their commands: bytes of pending ones, fingerprints of old
-// ids, and why none is admitted. Pure: time is an argument.
+// Limits and state that the admission of all devices shares: bytes of pending commands,
+// fingerprints of old ids, and reasons to admit no command. Pure: time is an argument.
 #pragma once
 
 #include <array>

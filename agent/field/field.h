@@ -48,9 +48,9 @@ class Field final {
   void submit(AdmittedCommand admitted);
   /// Puts the current counters into the outbox soon, in addition to those every 5 s. Any thread.
   void report();
-  /// Closes the port of the link for another program, for that time; 0: takes it back. `text` says
-  /// for whom and until when. Calls `told` on the field thread, with Reason::none when it is done.
-  /// Any thread.
+  /// Closes the link's port for `time`, so that another program can use it; 0: takes it back.
+  /// `text` says for whom and until when. Calls `told` on the field thread: Reason::none if it was
+  /// done. Any thread.
   void yield(std::string link, std::chrono::minutes time, std::string text,
              std::function<void(Reason)> told);
   /// Calls `answer` on the field thread. Any thread.

@@ -1,5 +1,4 @@
-// Passes messages from the field thread to the uplink thread. No other object is shared by the two.
-// Any thread.
+// Passes messages from the field thread to the uplink thread. Any thread.
 #pragma once
 
 #include <atomic>

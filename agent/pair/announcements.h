@@ -32,8 +32,9 @@ class Announcements final {
   void release();
 
   // The pair's thread.
-  /// Announces what waits if it `can_publish`. Submits what has been released, and commands whose
-  /// announcement was refused, at their deadlines: the field answers them as expired.
+  /// Announces what waits if it `can_publish`. After release() submits every command. A command
+  /// whose announcement was refused is submitted after its deadline, so that the field answers it
+  /// as expired.
   void step(bool can_publish, const Publish& publish, SteadyTime now);
   /// The broker has this publication. Submits its command; returns false if it is no announcement.
   bool delivered(std::uint64_t id);

@@ -7,8 +7,8 @@
 //   it announces and their results;
 // * the lease session, with the client id of the pair: only the holder has it.
 //
-// When the agent runs and the lease session ends, the process starts itself anew: nothing of a role
-// that is over can be left, and the new process recovers as after a crash.
+// If the lease session ends while the agent runs, the process restarts itself: no state of the old
+// role remains, and the new process recovers as after a crash.
 #pragma once
 
 #include <atomic>

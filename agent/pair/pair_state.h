@@ -4,10 +4,10 @@
 // The fence. A gateway holds the pair while its lease session lasts: the MQTT session with the
 // pair's own client id. A broker keeps one session per client id, so a claim ends the other
 // gateway's. The holder sends heartbeats over that session. One that was sent at `t` and
-// acknowledged proves that no other gateway had claimed by `t`, and permits requests until
-// `t` + quiet / 2. A claimer waits for `quiet` after the broker has accepted its session, so the
-// permission of the other gateway has ended for at least quiet / 2 by then. If the settings of the
-// two differ, which is a fault, each waits for the longer one.
+// acknowledged proves that no other gateway had claimed by `t`, and permits requests until `t` +
+// quiet / 2. A claimer waits for `quiet` after the broker has accepted its session, so the
+// permission of the other gateway ended at least quiet / 2 earlier. If the settings of the two
+// differ, which is a fault, each waits for the longer one.
 #pragma once
 
 #include <chrono>
@@ -81,7 +81,7 @@ class PairPeers final {
   bool is_third() const { return third_; }
   /// Member name of the other gateway; empty: it is not there.
   std::string peer() const;
-  /// True if a gateway that is there has had the time to answer since this one joined.
+  /// True if this gateway has listened for quiet(): an empty peer() then means that there is none.
   bool knows_peer(BootTime now) const { return joined_at_ && now >= *joined_at_ + quiet_; }
   /// True if a gateway of the pair is there whose name is lower.
   bool has_lower_name() const;
@@ -153,8 +153,8 @@ class PairState final {
   void lease_ended(bool taken_over, BootTime now);
   void heartbeat_sent(std::uint64_t id, BootTime now);
   void heartbeat_acknowledged(std::uint64_t id);
-  /// This gateway has the journal of the other one. Heartbeats sent before name no number of its
-  /// own: they permit nothing any more.
+  /// This gateway has the journal of the other one. Earlier heartbeats carry no sequence number of
+  /// this gateway, so they permit nothing any more.
   void has_claimed();
 
   /// The agent runs, so that this gateway becomes active when its wait is over.

@@ -19,9 +19,9 @@ namespace fxagent {
 
 /// Made before the pair's thread starts; then the pair's thread.
 ///
-/// A command of an earlier process of this gateway may have no result yet, and the other gateway
-/// may not know it: it came just before the end. So this gateway announces what it left, until it
-/// has heard each result. The gateway that is active publishes those that it does not know.
+/// An earlier process of this gateway may have taken a command just before it ended. Such a command
+/// has no result, and the other gateway may not know it. This gateway announces it again until it
+/// has received the result. The active gateway publishes one if it does not know the command.
 class StandbyJournal final {
  public:
   /// Opens this gateway's store, and keeps what save_heard() has saved.

@@ -1,6 +1,5 @@
-// Warns when samples begin to be lost, with the limit that was reached and the remedy: for each
-// limit once, and once a day while the loss lasts. Logs the end, too. Uplink thread. Time is an
-// argument.
+// Logs the loss of samples, with the limit that was reached and the remedy: once for each limit,
+// then once a day while the loss lasts. Also logs its end. Uplink thread. Time is an argument.
 #pragma once
 
 #include <cstdint>

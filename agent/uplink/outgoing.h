@@ -1,9 +1,9 @@
 // Publications on their way to the broker: their ids, the window that they share, and the sender
 // that gets the outcome of each. Several may be sent as one, with one outcome.
 //
-// A QoS 0 message has no acknowledgement. A session with a marker topic proves its delivery all the
-// same: it publishes an empty QoS 1 message behind it. Brokers handle the packets of a connection
-// in order, so whatever was sent before an acknowledged marker has arrived. Uplink thread.
+// A QoS 0 message has no acknowledgement. To prove its delivery, a session with a marker topic
+// publishes an empty QoS 1 message (the marker) after it. Brokers handle the packets of a
+// connection in order, so everything sent before an acknowledged marker has arrived. Uplink thread.
 #pragma once
 
 #include <chrono>
@@ -54,7 +54,7 @@ class Outgoing final {
   /// Calls Sender::failed() for what could not be sent. Returns true if something failed.
   bool fail_unsendable(SteadyTime now);
 
-  /// Tells the sender of the publication its outcome.
+  /// Passes the outcome to the sender of the publication.
   void on(const Delivered& event, SteadyTime now);
   void on(const DeliveryFailed& event, SteadyTime now);
   /// Drops what waits for room; its senders get no outcome. Call before the last messages.

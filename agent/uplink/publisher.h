@@ -83,8 +83,7 @@ class Publisher final {
   /// Processes all events and does what is due. Returns the time by which it must be called again;
   /// call it sooner if the outbox or the broker has events.
   SteadyTime step(SteadyTime now);
-  /// Returns the time until which samples may gather before the next step: one hundredth of their
-  /// interval while they stream in, otherwise the time of the last step.
+  /// See SampleDelivery::gather_until().
   SteadyTime gather_until() const { return samples_out_.gather_until(); }
 
   /// Begins the clean shutdown. Publishes what is waiting for up to 3 s, results first; then sets
@@ -107,8 +106,9 @@ class Publisher final {
   /// Sets the config status that health reports.
   void set_config_status(ConfigStatus status, SteadyTime now);
 
-  /// Takes a command that did not come over MQTT. Its result goes there, too; but if too many
-  /// results wait for the broker, the command is rejected, and only its sender learns of it.
+  /// Takes a command from the page or a profile. Its result is also published on the result topic.
+  /// If too many commands or results wait, rejects it: the result then goes only to `tell`, or to
+  /// the log if that is empty.
   void take_order(Order order, SteadyTime now);
 
   struct Unanswered {

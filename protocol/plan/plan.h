@@ -80,8 +80,7 @@ struct Holes {
   std::vector<Span> suspects;
   std::uint32_t most_suspects = 1;
   /// Largest number of parts of any other Gather, in a plan that reads a suspect. Other plans have
-  /// no such limit: their suspects may not be read for an hour, and their own refusals show what is
-  /// too much for the device.
+  /// no such limit: the suspects may belong to a group that is read once an hour.
   std::uint32_t most_others = 0xFFFFFFFF;
 };
 

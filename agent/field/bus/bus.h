@@ -35,11 +35,11 @@ class Bus final {
 
   /// Sends one request and returns its outcome. Checks `not_after` just before the first byte.
   ///
-  /// If the previous exchange left the line in doubt, puts it in order first: listens until no late
-  /// answer can come, and enquires unless the station's policy is `never`. After a lost ACK, and
-  /// before a write if a read's answer was lost and no enquiry settles that, it also reads a probe.
-  /// Otherwise enquires as the policy says. If an enquiry or a probe goes unanswered, sends nothing
-  /// else and returns `unanswered` with `sent` false.
+  /// If an earlier answer may still come, first listens until it no longer can, and enquires unless
+  /// the station's policy is `never`. Also reads a probe after a lost ACK, and before a write if a
+  /// read's answer was lost and the enquiry does not settle that. Otherwise enquires as the policy
+  /// says. If an enquiry or a probe fails, sends nothing else and returns its outcome with `sent`
+  /// false.
   ///
   /// While the bus is doubted, listens before and after the request. Each silence lasts as long as
   /// the slowest answer may take. A probe with an answer of another length precedes the request.

@@ -23,7 +23,7 @@ class Channel final {
   struct Heard {
     Bytes bytes;                   ///< the first of them: Overheard::kMostJudged or a few more
     std::size_t total = 0;         ///< number of bytes received
-    std::optional<Error> error{};  ///< set if the channel is closed, by its peer or as never silent
+    std::optional<Error> error{};  ///< set if the channel did not open or is closed
   };
   /// A line that brings this many bytes never falls quiet.
   static constexpr std::size_t kMostDrained = Transport::kMostDiscarded;
@@ -31,10 +31,9 @@ class Channel final {
   /// `transport` must be closed.
   explicit Channel(std::unique_ptr<Transport> transport) : transport_(std::move(transport)) {}
 
-  /// Opens the channel, then listens for `listening` and until the line is quiet: an answer to an
-  /// earlier session or to a dead agent may still be on its way. On UDP with another port for each
-  /// request it need not listen. Error: link_down, also if the line does not
-  /// fall quiet; see never_silent().
+  /// Opens the channel. Then listens for `listening`, and until the line is quiet: an answer to an
+  /// earlier session or to a dead agent may still be on its way. Does not listen on UDP with a port
+  /// for each request. Error: link_down, also if the line does not fall quiet; see never_silent().
   asio::awaitable<Heard> open(std::chrono::nanoseconds listening);
   bool is_open() const { return transport_->is_open(); }
   /// Listens until `until` and until nothing has come for `quiet`. Closes the channel if that takes
@@ -43,12 +42,12 @@ class Channel final {
 
   // Each closes the channel.
   void close() noexcept { transport_->close(); }
-  /// Because its peer has closed it, or after an error; `why` is for people.
+  /// Call when the peer has closed it, or after an error. `why` is for people.
   void lose(std::string why);
-  /// Because only on a new channel no late answer can pass for that of another request. This is not
-  /// a loss: call open() again.
+  /// Call if a late answer could pass for that of another request: it cannot reach a new channel.
+  /// This is not a loss: call open() again.
   void close_after_silence();
-  /// Because bytes come without end.
+  /// Call if bytes arrive without end.
   void close_never_silent();
 
   /// Records that a request was answered over it.

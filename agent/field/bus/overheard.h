@@ -39,9 +39,8 @@ class BusDoubt final {
   void exchange_was_unclear();
 
   bool is_doubted() const { return exchanges_to_go_ > 0; }
-  /// True if foreign bytes were found, or the bus was out of step, within the last kRelapse. More
-  /// may come at any moment, and the first may come in place of an answer: every read should be
-  /// sent twice.
+  /// True if foreign bytes were found, or the bus was out of step, within the last kRelapse. The
+  /// next answer may be foreign too: every read should be sent twice.
   bool is_wary(SteadyTime now) const { return now < wary_until_; }
   /// Returns how many more clean exchanges end the doubt.
   std::uint32_t exchanges_to_go() const { return exchanges_to_go_; }
@@ -116,9 +115,8 @@ class Echo final {
   void sent(const Bytes& frame) { last_sent_ = frame; }
   /// Records that no answer follows what was sent: its echo may precede the next answer.
   void sent_unanswered(const Bytes& bytes) { last_sent_ = unanswered_ = bytes; }
-  /// Takes the bytes that came before an answer to `request`, and returns those that are not its
-  /// echo. `shows`: the bytes show whether the line echoes requests, as those of a read do whose
-  /// echo was not taken off before.
+  /// Returns `before`, the bytes received before an answer to `request`, without its echo. `shows`:
+  /// `request` is a read whose echo was not removed earlier, so `before` shows if the line echoes.
   Bytes answered(Bytes before, const Bytes& request, bool shows);
   /// Records that an answer has come since sent_unanswered().
   void forget_unanswered() { unanswered_.clear(); }
@@ -138,8 +136,8 @@ class Echo final {
 /// True if answers carry numbers. A late or repeated answer then never matches another request.
 inline bool is_numbered(const Codec& codec) { return codec.after_silence() == Recovery::none; }
 
-/// What one wire hears besides answers. judge() updates doubt() and late(); the wire and the bus
-/// report all else to the parts.
+/// Bytes on one wire that belong to no answer. judge() updates doubt() and late(); the wire and the
+/// bus report everything else to the parts directly.
 class Overheard final {
  public:
   /// Number of unexpected bytes that are examined: more than the longest frame of a serial line.

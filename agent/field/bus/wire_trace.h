@@ -35,8 +35,8 @@ class WireTrace final {
 
   /// Takes the bytes that left the agent at `at`.
   void out(ByteView bytes, SteadyTime at) const { take(RecordedFrame::Way::out, bytes, at); }
-  /// Takes how the wait for an answer ended at `now`: by the answer, which is part of `bytes`, or
-  /// without it. `deadline` is that of the answer.
+  /// Takes the end of the wait for an answer, at `now`. `bytes`: all that was received, including
+  /// the answer if there was one. `deadline` is that of the answer.
   void ended(const Exchange& exchange, ByteView bytes, SteadyTime now, SteadyTime deadline) const;
   /// Takes bytes that came when no answer was due, or around one.
   void unasked(ByteView bytes, SteadyTime at) const {

@@ -1,5 +1,5 @@
-// The state of one device as its clients see it: offline, degraded or online, since when and why.
-// Pure: facts and time are arguments. Field thread.
+// The state of one device as its clients see it: offline, degraded, online or yielded, since when
+// and why. Pure: facts and time are arguments. Field thread.
 #pragma once
 
 #include <cstdint>
@@ -49,10 +49,10 @@ class DeviceState final {
   /// Records the RUN state; nullopt: unknown.
   void set_run(std::optional<bool> run) { run_ = run; }
 
-  /// Returns the state by these facts, or nothing if it was already reported. A device that is
-  /// degraded by a bad_value stays so for 10 s after it, because such a place can hold a value in
-  /// one poll and none in the next. Also returns nothing before the first answer of a device on an
-  /// open bus. A broadcast has no answer and is online there.
+  /// Returns the state by these facts, or nullopt if it was already reported. After a bad_value the
+  /// device stays degraded for 10 s: its place may hold a value in one poll and none in the next.
+  /// On an open bus, also returns nullopt until the device has answered; a broadcast never answers
+  /// and is online.
   std::optional<Change> update(const Facts& facts, std::int64_t now_ms);
   /// Returns the last reported state.
   const DeviceStatus& reported() const { return reported_; }

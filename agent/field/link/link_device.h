@@ -79,14 +79,15 @@ struct LinkDevice {
   std::vector<std::unique_ptr<GroupPoll>> groups;
   std::optional<PollScheduler::GroupId> question_group;
   std::vector<Bytes> model_images;  ///< answers so far to the questions of compare_model()
-  /// Its groups are not read at once before this time, however often it comes and goes.
+  /// Earliest time of its next PollScheduler::read_at_once().
   SteadyTime at_once_from{};
   std::uint64_t seq = 0;
   PercentileWindow late_ms;
   std::uint64_t collected = 0;
   std::uint64_t suppressed = 0;
-  /// Next time to examine foreign bytes; the causes logged since `causes_logged_since`.
+  /// Next time to examine foreign bytes.
   SteadyTime unexpected_bytes_from{};
+  /// Start of the 24 h for which `logged_causes` holds.
   SteadyTime causes_logged_since{};
   std::bitset<UnexpectedBytes::kCauses> logged_causes;
   bool asked_in_vain = false;  ///< the last exchange had no answer

@@ -62,7 +62,7 @@ class LinkState final {
   /// Publishes the state of the device if it has changed.
   void update(LinkDevice& device);
 
-  /// Marks the link as stopping: nothing new begins. `why` is for people and must be a constant.
+  /// Marks the link as stopping: nothing new begins. Commands that are not sent any more get `why`.
   void stop(Reason why) { why_stopping_ = why; }
   bool is_stopping() const { return why_stopping_ != Reason::none; }
   Reason why_stopping() const { return why_stopping_; }
@@ -90,7 +90,7 @@ class LinkState final {
   /// Closed because no device answers. A silent device then counts as silent, whether or not the
   /// bus is open.
   bool is_left_ = false;
-  bool was_down_ = false;  ///< was lost or failed to open
+  bool was_down_ = false;  ///< was lost, failed to open or was taken back
   /// The log reports the link as up. After a session without an answer, the next one is up at its
   /// first answer.
   bool logged_up_ = false;

@@ -68,7 +68,7 @@ class LinkWorker final {
   /// Final once run() has ended.
   const LinkDevices& devices() const { return devices_; }
 
-  /// Says what has become of a yield() or take_back(): Reason::none if it was done.
+  /// Receives the outcome of a yield() or take_back(): Reason::none if it was done.
   using Told = std::function<void(Reason)>;
   /// Closes the port for another program as soon as nothing is on the wire, until `until`. Commands
   /// that wait or come then get REJECTED yielded. `text` says who wanted it and until when.
@@ -129,7 +129,7 @@ class LinkWorker final {
   std::unique_ptr<asio::steady_timer> stop_timer_;  ///< set by stop()
   bool on_the_wire_ = false;  ///< a command or a poll is running: no device may leave
   std::vector<Leave> leaves_;
-  /// Until when the port is another program's. In the past, it is taken back.
+  /// End of the yield; nullopt: none. If it has passed, the port is taken back next.
   std::optional<SteadyTime> yields_until_;
   std::string yield_text_;
   std::vector<Told> yields_told_;  ///< not called yet

@@ -1,5 +1,5 @@
-// Asks the devices of one link about themselves: the RUN state, or without tags only for a sign of
-// life, and the model. Field thread.
+// Asks the devices of one link for their model and RUN state. If a protocol has no RUN state, asks
+// a device without tags for a sign of life instead. Field thread.
 #pragma once
 
 #include <asio/awaitable.hpp>

@@ -46,8 +46,8 @@ class Poller final {
   /// Records that a command has written `span`, or may have; see PollCycle::overwritten().
   /// Afterwards no group of the device reports an older value.
   void overwritten(LinkDevice& device, const Span& span, const Bytes* image, BadReason why);
-  /// Publishes the value of a tag that a command has just changed, if its group is polled.
   enum class Origin : std::uint8_t { written, read_back };
+  /// Publishes the value of a tag that a command has just changed, if its group is polled.
   void publish_written(LinkDevice& device, std::uint32_t tag, Value value, Origin origin);
 
   /// Returns the line time of the longest exchange that run() may send under the current plans.

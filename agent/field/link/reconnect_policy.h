@@ -1,6 +1,6 @@
 // Decides when the channel of a link is opened: at the start, after a loss and after each failed
 // attempt. Links that share a host, a switch or a power cut must not all connect at the same
-// moment, so every delay has jitter. Pure: returns durations; the worker has the clock. Field
+// moment, so every delay has jitter. Pure: returns durations; LinkState has the clock. Field
 // thread.
 #pragma once
 
@@ -28,8 +28,8 @@ class ReconnectPolicy final {
   /// Links with different seeds get independent delays, however near to each other the seeds are.
   ReconnectPolicy(ReconnectRules rules, std::uint64_t seed);
 
-  /// Returns random delays that spread the starts of this many links: 10 ms for the polls of each
-  /// other link and 1 ms for its opening, the polls within `period` in total.
+  /// Returns random delays for the start of one of `links` links: at most 1 ms per other link until
+  /// it opens, and at most 10 ms per other link, within `period`, until its polls begin.
   LinkStart start(std::size_t links, std::chrono::milliseconds period);
   /// Returns the delay after the loss of an open channel.
   std::chrono::nanoseconds after_loss();

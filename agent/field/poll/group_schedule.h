@@ -1,6 +1,5 @@
-// The times of one group's cycles: due by its interval or once ahead of it, the deadline of the
-// running cycle, and the line time that a cycle takes. Pure: time is an argument, no I/O. Field
-// thread.
+// The schedule of one group: when its cycles are due, the deadline of the running one, and the line
+// time that a cycle takes. Pure: time is an argument, no I/O. Field thread.
 #pragma once
 
 #include <algorithm>

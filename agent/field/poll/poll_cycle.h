@@ -70,7 +70,7 @@ class PollCycle final {
 
   /// Records that a command has written `span`, or may have. No older value is reported afterwards.
   /// With `image`, which covers the span, the images read so far take it over. Without, the tags in
-  /// the span are bad for the reason `why` until CycleReads::outdated() was read.
+  /// the span are bad with `why` until they are read again.
   void overwritten(const Span& span, const Bytes* image, BadReason why);
 
   /// Ends the cycle. Returns its sample without device and sequence number, or nullopt if the group

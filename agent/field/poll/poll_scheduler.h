@@ -174,13 +174,13 @@ class PollScheduler final {
   /// The schedule of a group. Valid until the next add_group().
   GroupSchedule& group(GroupId id) { return groups_[id].schedule; }
 
-  /// Returns the job to run now, or until when to wait. Not a query: the cycle of a poll with
-  /// `starts_cycle` has begun, and the same exchange is offered again until step_done(), or until
-  /// the cycle ends otherwise. Waiting commands come first, except for the polls' share; then the
-  /// due group with the earliest deadline whose device is not in back-off. A
-  /// running cycle goes on with its next exchange by the same rule. A late cycle does not move the
-  /// later ones: missed intervals are skipped and counted, never sent in a burst. If the groups ask
-  /// for more than the whole line, all intervals are stretched by the same factor.
+  /// Returns the job to run now, or the time to wait for. Changes state: the cycle of a poll with
+  /// `starts_cycle` has begun. The same exchange is offered again until step_done() or the end of
+  /// the cycle. Waiting commands come first, except for the polls' share; then the due group with
+  /// the earliest deadline whose device is not in back-off. A running cycle goes on with its next
+  /// exchange by the same rule. A late cycle does not move the later ones: missed intervals are
+  /// skipped and counted, never sent in a burst. If the groups ask for more than the whole line,
+  /// all intervals are stretched by the same factor.
   Job next(SteadyTime now);
 
   /// Records that the step was carried out. True: the cycle has ended.
@@ -192,8 +192,8 @@ class PollScheduler final {
   /// being read. The intervals stay as they are. The cycles are spread so that half of the line is
   /// left to others. Returns when those of another device may follow.
   SteadyTime read_at_once(DeviceId device, SteadyTime from);
-  /// Ends the running cycles, and forgets the polls that were due until now: nothing was to be
-  /// read. Groups are read again when they are next due.
+  /// Ends the running cycles. Polls that were due before `now` are skipped, and do not count as
+  /// missed. Groups are read again when they are next due.
   void forget_until(SteadyTime now);
 
   /// Records line time used by a command; the polls' share depends on it.

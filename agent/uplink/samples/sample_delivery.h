@@ -56,8 +56,9 @@ class SampleDelivery final : public Outgoing::Sender {
   bool has_live() const { return !live_.empty(); }
   /// True if so many samples are waiting that the broker accepts fewer than are produced.
   bool is_backed_up() const;
-  /// Returns the time until which samples may gather before the next step: one hundredth of their
-  /// interval while they stream in, otherwise the time of the last step.
+  /// Returns the time until which samples may gather before the next step. While they stream in,
+  /// that is 1/100 of their shortest interval after the last samples, at most 5 ms; otherwise the
+  /// time of the last samples.
   SteadyTime gather_until() const { return gather_until_; }
   SteadyTime next_wake() const;
 

@@ -1,7 +1,6 @@
-// Samples that cannot be sent now. They are gathered for the disk, or kept in memory if there is no
-// disk or it refuses. They leave as history messages, oldest first. Rows that must make room are
-// counted, as are those refused for good. Also the devices whose samples are refused for a time.
-// Uplink thread. Time is an argument.
+// Samples that cannot be sent now. SampleSpool gathers them. WaitingSamples keeps them on disk, or
+// in memory if there is no disk or it refuses. DroppedSamples counts those lost. RefusedDevices has
+// the devices whose samples the broker refuses for a time. Uplink thread. Time is an argument.
 #pragma once
 
 #include <algorithm>

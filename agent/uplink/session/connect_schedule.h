@@ -1,8 +1,8 @@
-// Chooses the next server and the time of the attempt. A round tries all servers from the first, at
-// once, and a growing delay follows it. After the loss of a stable connection the round begins
-// after a random part of a second, or with one server 250 ms later, and tries the lost server last,
-// because it may be silent. With `reconnect_spread_s` the agents of a fleet reconnect at random
-// times within it. Uplink thread. Time is an argument.
+// Chooses the next server and the time of the attempt. A round tries each server once, and a
+// growing delay follows it. After the loss of a stable connection a round begins within 1 s, with a
+// single server 250 ms later. It tries the lost server last, because that one may be silent. With
+// `reconnect_spread_s` the agents of a fleet reconnect at random times within it. Uplink thread.
+// Time is an argument.
 #pragma once
 
 #include <cstddef>

@@ -104,7 +104,7 @@ void Session::connect_anew(SteadyTime now) {
        {"note", "PUBACKs arrive late, after messages; connecting again with Receive Maximum 1"}});
   receive_maximum_ = 1;
   broker_.disconnect(with_will_);
-  broker_.hold_messages(true);  // the broker sends them again on the next connection
+  broker_.hold_messages(true);  // unread messages end with the session
   end(now);
   link_ = Link::leaving;
   act_at_ = now + kGoodbye;

@@ -39,7 +39,7 @@ class Subscriptions final {
   void end_commands();
   /// Subscribes to {base}/config/desired, or unsubscribes.
   void hear_configs(bool heard);
-  /// Logs each refusal again: the broker or its settings may be others.
+  /// Lets each refusal be logged again. Call if the broker or its settings may have changed.
   void forget_refusals() { refused_filters_.clear(); }
 
   /// True while retained topics of removed devices are searched for.
