@@ -118,7 +118,7 @@ TagReading PollCycle::reading_of(std::size_t index, bool doubtful) const {
 
 void PollCycle::check_value(std::size_t index, const TagReading& reading, SteadyTime now) {
   const Point& point = device_.tags[reading.tag].point;
-  const ReadAs read = [&](const Point& other) { return reads_.value_of(index, other); };
+  const auto read = [&](const Point& other) { return reads_.value_of(index, other); };
   const auto hint_of = [&] { return word_order_hint(point, word_orders(*device_.protocol), read); };
   if (reading.bad == BadReason::bad_value) {
     const auto [last, fresh] = none_at_.try_emplace(reading.tag, now);
