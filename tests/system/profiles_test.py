@@ -34,10 +34,15 @@ class Profiles(PlantTest):
 
     def adds_up(self, name, accept=lambda samples: True):
         """Waits for health in which the samples of the profile and those of the agent add up."""
-        def look(health):
+        def is_right(health):
             own = health["profiles"][name]["samples"]
             return health["samples"]["balanced"] and own["balanced"] and accept(own)
-        return self.watcher.wait(f"{BASE}/health", look, patience=3 * PATIENCE)
+
+        def fresh_is_right():
+            since = self.watcher.mark()
+            self.agent.process.send_signal(signal.SIGHUP)  # its outcome is in health, which comes at once
+            return is_right(self.watcher.wait(f"{BASE}/health", since=since))
+        wait_for("samples that add up", fresh_is_right)
 
 
 class Plain(Profiles):

@@ -4,6 +4,7 @@
 
 #include "tests/agent/store/power_cut.h"
 #include "tests/agent/uplink/publisher_bench.h"
+#include "tests/support/effort.h"
 
 namespace fxagent {
 namespace {
@@ -42,7 +43,7 @@ TEST_P(PublisherProperty, NothingIsLostWithoutBeingCounted) {
   std::uint64_t seq = 0;
   std::uint64_t suppressed = 0;
   std::set<std::string> ids;
-  for (int i = 0; i < 3000; ++i) {
+  for (int i = 0; i < test::effort(3000); ++i) {
     switch (below(12)) {
       case 0:
       case 1:
