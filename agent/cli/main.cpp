@@ -189,7 +189,7 @@ void add_one_shot(CommandLine& line, const std::string& name, const std::string&
   }
   if (op == Op::read)
     command->add_flag("--orders", what.orders,
-                      "Show 32- and 64-bit values in every word order, side by side");
+                      "Show 32- and 64-bit values in each word order that the device can have");
   command->add_flag("--json", what.as_json, "Print JSON");
   command->add_flag("--trace", what.trace, "Log every frame of the link and what it means");
 }

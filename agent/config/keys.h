@@ -348,7 +348,7 @@ inline constexpr auto kWritten = std::to_array<ConfigKey>({
     {"devices[].tags[]", "length", integer, kElements, None{},
      "Number of characters; required for a `string`, and for strings only."},
     {"devices[].tags[]", "word_order", choice, kWordOrders,
-     Rule{"FX: `low_first`; Modbus: `byte_order`"},
+     Rule{"Mitsubishi: `low_first`; Modbus: `byte_order`"},
      "Order of the words of a 32- or 64-bit value; `low_first` is `CDAB`, `high_first` is "
      "`ABCD`. `BADC` and `DCBA` are for Modbus only. Not for `bool`."},
     {"devices[].tags[]", "scale", number, {}, 1, "The value is raw × `scale` + `offset`. Not 0."},

@@ -78,6 +78,7 @@ Exit status:
 Exit status:
   0  something answers
   1  nothing answers, or the port could not be opened
+  2  the arguments are wrong
   3  another process uses the port)"},
     {"config", "  fxagent config agent.json"},
     {"plan", R"(  fxagent plan agent.json

@@ -36,11 +36,11 @@ Row order_row(const ReadReport& report) {
   Row row{report.name, report.address, ""};
   if (!report.point || report.image.empty()) {
     row.push_back(report.value ? value_text(*report.value, *no_units()) : no_value_text(report));
-    row.resize(3 + kByteOrders.size());
+    row.resize(3 + report.orders.size());
     return row;
   }
   row[2] = to_string(report.point->type);
-  for (const ByteOrder order : kByteOrders) {
+  for (const ByteOrder order : report.orders) {
     const auto value = in_order(*report.point, report.image, order);
     row.push_back((value ? value_text(*value, *no_units()) : "-") +
                   (order == report.point->order ? "*" : ""));
@@ -63,7 +63,7 @@ void write_report(Writer& out, const ReadReport& report, ShowOrders orders) {
   if (orders == ShowOrders::yes && report.point && !report.image.empty()) {
     out.key("type").string(to_string(report.point->type));
     out.key("orders").begin_object();
-    for (const ByteOrder order : kByteOrders) {
+    for (const ByteOrder order : report.orders) {
       out.key(to_string(order));
       const auto value = in_order(*report.point, report.image, order);
       value ? write_items(out, *value) : static_cast<void>(out.null());
@@ -107,9 +107,10 @@ std::string hint_of(const ReadReport& report) {
 
 std::string read_table(std::span<const ReadReport> reports, ShowOrders orders) {
   std::vector<Row> rows;
-  if (orders == ShowOrders::yes) {
+  if (orders == ShowOrders::yes && !reports.empty()) {
     rows.push_back({"name", "address", "type"});
-    for (const ByteOrder order : kByteOrders) rows.front().emplace_back(to_string(order));
+    for (const ByteOrder order : reports.front().orders)
+      rows.front().emplace_back(to_string(order));
   }
   for (const ReadReport& report : reports)
     rows.push_back(

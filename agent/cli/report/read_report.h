@@ -20,7 +20,7 @@ struct ReadReport {
   std::shared_ptr<const TagUnits> units = no_units();
   std::optional<Point> point{};  ///< interprets `image`; nullopt: the words have no order to
                                  ///< compare
-  std::span<const ByteOrder> orders = kByteOrders;  ///< that word_order may name, for hints
+  std::span<const ByteOrder> orders = kByteOrders;  ///< that word_order may name
   Bytes image{};
   std::optional<Value> value{};
   std::string reason{};  ///< set if there is no value

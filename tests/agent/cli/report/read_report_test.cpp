@@ -74,6 +74,17 @@ TEST(ReadReport, OrdersStandSideBySideAndTheConfiguredOneIsMarked) {
   EXPECT_FALSE(json["tags"][1].contains("orders"));
 }
 
+TEST(ReadReport, OnlyTheOrdersThatTheDeviceCanHaveAreShown) {
+  ReadReport report = voltage(ByteOrder::abcd);
+  report.orders = std::span(kByteOrders).first(2);
+  const std::string table = read_table(std::span(&report, 1), ShowOrders::yes);
+  EXPECT_NE(table.find("CDAB"), std::string::npos) << table;
+  EXPECT_EQ(table.find("BADC"), std::string::npos) << table;
+  const auto json =
+      nlohmann::json::parse(read_json("m", std::span(&report, 1), ShowOrders::yes, 1));
+  EXPECT_EQ(json["tags"][0]["orders"].size(), 2U);
+}
+
 TEST(ReadReport, AFloatThatIsPlainInAnotherOrderHasAHint) {
   EXPECT_EQ(hint_of(voltage(ByteOrder::abcd)), "");
   const std::vector<ReadReport> reports{voltage(ByteOrder::cdab)};
