@@ -62,7 +62,7 @@ int wait_for_stop(StopWatchdog& watchdog, ServiceReports& reports) {
     if (!next) return watchdog.await_signal();
     const auto now = std::chrono::steady_clock::now();
     if (const auto signal = watchdog.await_signal(*next - now)) return *signal;
-    reports.tell(std::chrono::steady_clock::now());
+    reports.keep(std::chrono::steady_clock::now());
   }
 }
 
@@ -71,7 +71,7 @@ int wait_for_stop(StopWatchdog& watchdog, ServiceReports& reports) {
 /// threads.
 void report_alive(ThreadProgress& library, Heartbeats& signs) {
   const bool was_well = library.stands_still().empty();
-  library.look(std::chrono::steady_clock::now(), paho_looks_up_host());
+  library.check(std::chrono::steady_clock::now(), paho_looks_up_host());
   const std::string& stuck = library.stands_still();
   if (stuck.empty()) return signs.uplink_went_on();
   if (was_well)
@@ -109,13 +109,13 @@ struct ProfileParts {
   std::unique_ptr<Outlet> outlet;
 };
 
-/// Makes the profile. `config` belongs to the uplink. `take_order` gets its commands.
+/// Makes the profile. `config` belongs to the uplink. `relay` gets its commands.
 ProfileParts make_profile(const Config& config, const ProfileConfig& what,
-                          const PublisherSettings& run, TakeOrder take_order, Outbox& outbox,
+                          const PublisherSettings& run, RelayCommand relay, Outbox& outbox,
                           std::uint32_t seed, const LinePermit* permit) {
   const auto wake = [&outbox] { outbox.notify(); };
   const BrokerConfig* broker = broker_named(config, what.broker);
-  if (broker != nullptr && !broker->commands) take_order = {};
+  if (broker != nullptr && !broker->commands) relay = {};
   ProfileParts parts;
   auto new_id = [begin = run.boot + "-" + name_of(what) + "-", next = std::uint64_t{1}]() mutable {
     return begin + std::to_string(next++);
@@ -124,28 +124,28 @@ ProfileParts make_profile(const Config& config, const ProfileConfig& what,
   switch (what.kind) {
     case ProfileConfig::Kind::json:
       parts.profile = std::make_unique<JsonProfile>(config, run.boot, run.version, utc_now_ms(),
-                                                    what.broker, std::move(take_order));
+                                                    what.broker, std::move(relay));
       break;
     case ProfileConfig::Kind::plain:
       parts.profile =
-          std::make_unique<PlainProfile>(config, what, std::move(take_order), std::move(new_id));
+          std::make_unique<PlainProfile>(config, what, std::move(relay), std::move(new_id));
       break;
     case ProfileConfig::Kind::homeassistant:
       parts.profile = std::make_unique<HomeAssistantProfile>(
-          config, what, run.version, take_order ? HearsCommands::yes : HearsCommands::no);
+          config, what, run.version, relay ? HearsCommands::yes : HearsCommands::no);
       break;
     case ProfileConfig::Kind::thingsboard:
-      parts.profile = std::make_unique<ThingsBoardProfile>(config, what, std::move(take_order),
-                                                           std::move(new_id));
+      parts.profile =
+          std::make_unique<ThingsBoardProfile>(config, what, std::move(relay), std::move(new_id));
       break;
     case ProfileConfig::Kind::sparkplug:
-      parts.profile = std::make_unique<SparkplugProfile>(config, what, std::move(take_order),
+      parts.profile = std::make_unique<SparkplugProfile>(config, what, std::move(relay),
                                                          std::move(new_id), utc_now_ms);
       settings.marker_topic = config.base_topic() + "/sparkplug";
       break;
     case ProfileConfig::Kind::sparkplug_commands:
       parts.profile =
-          std::make_unique<TypedCommandsProfile>(config, what, std::move(take_order), utc_now_ms);
+          std::make_unique<TypedCommandsProfile>(config, what, std::move(relay), utc_now_ms);
       break;
   }
   if (!config.store.path.empty() && parts.profile->wants_samples()) {
@@ -233,9 +233,9 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
       },
       guarded ? &guarded->journal() : nullptr,
       [&field, &outbox](const std::string& link, std::chrono::minutes time, const std::string& text,
-                        std::function<void(Reason)> told) {
-        field.yield(link, time, text, [&outbox, told = std::move(told)](Reason why) {
-          outbox.ask([told, why](SteadyTime) { told(why); });
+                        std::function<void(Reason)> done) {
+        field.yield(link, time, text, [&outbox, done = std::move(done)](Reason why) {
+          outbox.ask([done, why](SteadyTime) { done(why); });
         });
       });
   if (guarded) {
@@ -256,10 +256,10 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
 
   std::vector<ProfileParts> profiles;
   for (const ProfileConfig& what : std::as_const(config).profiles) {
-    const auto take_order = [&publisher](Order order) {
-      publisher.take_order(std::move(order), std::chrono::steady_clock::now());
+    const auto relay = [&publisher](RelayedCommand command) {
+      publisher.take_relayed(std::move(command), std::chrono::steady_clock::now());
     };
-    profiles.push_back(make_profile(config, what, settings, take_order, outbox, random(), permit));
+    profiles.push_back(make_profile(config, what, settings, relay, outbox, random(), permit));
     publisher.add(*profiles.back().outlet);
   }
   // Each profile commits a sample on its own. After a kill between two commits, only the store of a
@@ -298,9 +298,9 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
     ThreadProgress library("MQTTAsync_");
     run_uplink(publisher, outbox, stop, [&] { report_alive(library, signs); });
   });
-  const auto place = [&](Order order) {
-    outbox.ask([&publisher, order = std::move(order)](SteadyTime now) mutable {
-      publisher.take_order(std::move(order), now);
+  const auto place = [&](RelayedCommand command) {
+    outbox.ask([&publisher, command = std::move(command)](SteadyTime now) mutable {
+      publisher.take_relayed(std::move(command), now);
     });
   };
   auto metrics =

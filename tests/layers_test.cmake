@@ -43,16 +43,16 @@ forbid("^agent/store/" "^agent/(field|uplink|cli|agent)[/.]" "agent/store/ sees 
 forbid("^agent/store/" "^agent/commands/" "of agent/commands/ agent/store/ sees the ports of journal.h only")
 forbid("^agent/store/disk/" "^agent/store/(samples/|journal/|[^/]+$)" "agent/store/disk/ does not know what the file contains")
 forbid("^agent/uplink/" "^agent/(field|cli|agent)[/.]" "agent/uplink/ and agent/field/ meet in agent/agent.cpp only")
-forbid("^agent/uplink/(commands|paho|payload|retained|samples)/" "^agent/uplink/(own_topics|publisher|session|shutdown|status)[/.]"
+forbid("^agent/uplink/(commands|paho|payload|retained|samples)/" "^agent/uplink/(own_topics|publisher|session|status)[/.]"
        "agent/uplink/status/ and the loop see the other rooms, not the other way round")
-forbid("^agent/uplink/session/" "^agent/uplink/(commands|own_topics|paho|payload|publisher|retained|samples|shutdown|status)[/.]"
+forbid("^agent/uplink/session/" "^agent/uplink/(commands|own_topics|paho|payload|publisher|retained|samples|status)[/.]"
        "agent/uplink/session/ knows the connection only")
 forbid("^agent/uplink/commands/" "^agent/uplink/(retained|samples)/" "agent/uplink/commands/ knows neither retained topics nor samples")
 forbid("^agent/uplink/retained/" "^agent/uplink/(commands|samples)/" "agent/uplink/retained/ knows neither commands nor samples")
 forbid("^agent/uplink/samples/" "^agent/uplink/(commands|retained)/" "agent/uplink/samples/ knows neither commands nor retained topics")
 forbid("^agent/uplink/(commands|paho|payload|retained|samples|session|status)/" "^agent/uplink/sparkplug/"
        "only agent/agent.cpp sees a profile")
-forbid("^agent/uplink/(profile|sparkplug)/" "^agent/uplink/(commands|own_topics|paho|publisher|shutdown|status)[/.]"
+forbid("^agent/uplink/(profile|sparkplug)/" "^agent/uplink/(commands|own_topics|paho|publisher|status)[/.]"
        "profiles hear commands and know nothing of what becomes of them")
 forbid("^agent/uplink/sparkplug/" "^agent/uplink/(retained|samples|session)/" "agent/uplink/sparkplug/ sees the port of profiles")
 forbid("." "^google/protobuf" "only agent/uplink/sparkplug/ has Sparkplug's messages")

@@ -117,7 +117,7 @@ std::shared_ptr<const CommandResult> kept(CommandResult result) {
   result.response_topic.clear();
   result.response_topic.shrink_to_fit();
   result.correlation = Bytes();  // `= {}` would keep its memory
-  result.tell = nullptr;
+  result.reply = nullptr;
   result.by.clear();
   result.by.shrink_to_fit();
   result.frames = {};

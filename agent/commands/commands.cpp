@@ -50,7 +50,7 @@ ResultMessage message_of(const std::string& device, CommandResult& result) {
           .recorded = !result.recorded.empty(),
           .response_topic = std::move(result.response_topic),
           .correlation = std::move(result.correlation),
-          .tell = std::move(result.tell)};
+          .reply = std::move(result.reply)};
 }
 
 /// Returns the link of this name; nullptr if there is none.

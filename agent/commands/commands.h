@@ -44,7 +44,7 @@ struct ResultMessage {
   std::optional<std::chrono::nanoseconds> total{};
   std::string response_topic;
   Bytes correlation;
-  std::function<void(const std::string& result)> tell;  ///< as in MessageProperties
+  std::function<void(const std::string& result)> reply;  ///< as in MessageProperties
 };
 /// Approximate bytes in memory.
 inline std::size_t bytes_of(const ResultMessage& result) {
@@ -104,9 +104,9 @@ class CommandResults final {
 class Commands final {
  public:
   using Submit = std::function<void(AdmittedCommand)>;
-  /// Yields the port of a link as Field::yield(). `told` is called once, on the uplink thread.
+  /// Yields the port of a link as Field::yield(). `done` is called once, on the uplink thread.
   using Yield = std::function<void(const std::string& link, std::chrono::minutes time,
-                                   const std::string& text, std::function<void(Reason)> told)>;
+                                   const std::string& text, std::function<void(Reason)> done)>;
 
   /// `config` and `journal` outlive it. The config may change between begin_change() and change().
   /// `submit` hands a command to the field and must not block; its result comes back through

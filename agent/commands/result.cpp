@@ -21,7 +21,7 @@ CommandResult result_of(const Command& command) {
   result.received = command.received;
   result.response_topic = command.response_topic;
   result.correlation = command.correlation;
-  result.tell = command.tell;
+  result.reply = command.reply;
   result.by = sender_of(command);
   for (const CommandTarget& target : command.targets) {
     TargetResult out;

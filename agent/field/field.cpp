@@ -95,10 +95,10 @@ void Field::report() {
 }
 
 void Field::yield(std::string link, std::chrono::minutes time, std::string text,
-                  std::function<void(Reason)> told) {
+                  std::function<void(Reason)> done) {
   asio::post(field_->io, [field = field_.get(), link = std::move(link), time,
-                          text = std::move(text), told = std::move(told)]() mutable {
-    field->links.yield(link, time, text, std::move(told));
+                          text = std::move(text), done = std::move(done)]() mutable {
+    field->links.yield(link, time, text, std::move(done));
   });
 }
 

@@ -49,10 +49,10 @@ class Field final {
   /// Puts the current counters into the outbox soon, in addition to those every 5 s. Any thread.
   void report();
   /// Closes the link's port for `time`, so that another program can use it; 0: takes it back.
-  /// `text` says for whom and until when. Calls `told` on the field thread: Reason::none if it was
+  /// `text` says for whom and until when. Calls `done` on the field thread: Reason::none if it was
   /// done. Any thread.
   void yield(std::string link, std::chrono::minutes time, std::string text,
-             std::function<void(Reason)> told);
+             std::function<void(Reason)> done);
   /// Calls `answer` on the field thread. Any thread.
   void ask(std::function<void()> answer);
   // A changed config takes two calls, end() and begin(). Any thread. Unchanged links and devices

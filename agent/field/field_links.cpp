@@ -114,13 +114,13 @@ void FieldLinks::take(AdmittedCommand admitted) {
 }
 
 void FieldLinks::yield(const std::string& link, std::chrono::minutes time, const std::string& text,
-                       LinkWorker::Told told) {
+                       LinkWorker::Done done) {
   const auto place = std::ranges::find_if(places_, [&](const Place& each) {
     return each.worker && !each.ends && each.runs && each.name == link;
   });
-  if (place == places_.end()) return told(stopping_ ? Reason::shutting_down : Reason::reloading);
-  if (time.count() == 0) return place->worker->take_back(std::move(told));
-  place->worker->yield(std::chrono::steady_clock::now() + time, text, std::move(told));
+  if (place == places_.end()) return done(stopping_ ? Reason::shutting_down : Reason::reloading);
+  if (time.count() == 0) return place->worker->take_back(std::move(done));
+  place->worker->yield(std::chrono::steady_clock::now() + time, text, std::move(done));
 }
 
 void FieldLinks::number_above(const std::vector<std::uint64_t>& last_seq) {

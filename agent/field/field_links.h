@@ -47,9 +47,9 @@ class FieldLinks final {
 
   /// Hands a command to its link. Its result, whatever it is, goes to the outbox.
   void take(AdmittedCommand admitted);
-  /// As Field::yield(). Without such a link, `told` gets Reason::reloading.
+  /// As Field::yield(). Without such a link, `done` gets Reason::reloading.
   void yield(const std::string& link, std::chrono::minutes time, const std::string& text,
-             LinkWorker::Told told);
+             LinkWorker::Done done);
   /// Continues sequence numbers above these, by device.
   void number_above(const std::vector<std::uint64_t>& last_seq);
   /// Puts the current counters into the outbox.

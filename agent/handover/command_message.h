@@ -114,10 +114,10 @@ struct MessageProperties {
   Bytes correlation;
   std::string sender;  ///< as the agent knows it; empty: only what the command's `by` says
   /// Gets the result as JSON when it is known, once. Empty: nobody asks beside MQTT.
-  std::function<void(const std::string& result)> tell;
+  std::function<void(const std::string& result)> reply;
 };
 /// A command that comes from the page or from a profile instead of the agent's own session.
-struct Order : MessageProperties {
+struct RelayedCommand : MessageProperties {
   std::string device;   ///< its name
   std::string payload;  ///< as on a command topic
 };
@@ -230,9 +230,9 @@ struct CommandResult : CommandOutcome {
   // The rest is not part of the remembered result.
   std::string response_topic;
   Bytes correlation;
-  std::function<void(const std::string& result)> tell;  ///< as in MessageProperties
-  std::string by;                                       ///< sender_of() its command
-  FrameTrace frames;                                    ///< only for a command that was carried out
+  std::function<void(const std::string& result)> reply;  ///< as in MessageProperties
+  std::string by;                                        ///< sender_of() its command
+  FrameTrace frames;  ///< only for a command that was carried out
 };
 
 }  // namespace fxagent

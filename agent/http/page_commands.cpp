@@ -1,4 +1,4 @@
-#include "agent/http/page_orders.h"
+#include "agent/http/page_commands.h"
 
 #include <sys/eventfd.h>
 #include <unistd.h>
@@ -107,18 +107,18 @@ std::string without_device(std::string_view text) {
 }  // namespace
 
 /// Results on their way to the server's thread.
-struct PageOrders::Inbox {
+struct PageCommands::Inbox {
   const FileHandle file{::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)};
   std::mutex mutex{};
   std::vector<Result> results{};  ///< under the mutex
 };
 
-PageOrders::PageOrders(std::string token_file, std::function<void(Order)> place)
+PageCommands::PageCommands(std::string token_file, std::function<void(RelayedCommand)> place)
     : token_file_(std::move(token_file)),
       place_(std::move(place)),
       inbox_(std::make_shared<Inbox>()) {}
 
-std::optional<HttpAnswer> PageOrders::place(const HttpRequest& request) {
+std::optional<HttpAnswer> PageCommands::place(const HttpRequest& request) {
   if (token_file_.empty())
     return refusal(kForbidden,
                    "this page is read-only; http.token_file of the config allows commands");
@@ -146,26 +146,26 @@ std::optional<HttpAnswer> PageOrders::place(const HttpRequest& request) {
   if (device.empty())
     return refusal(kBadRequest,
                    "the body must be a command as JSON, with the name of its device in \"device\"");
-  Order order;
-  order.device = device;
-  order.payload = without_device(request.body);
-  order.sender = "page:" + (name->empty() ? text_at(body, "by").substr(0, kLongestName) : *name);
-  order.tell = [inbox = inbox_, number = request.number](const std::string& result) {
+  RelayedCommand command;
+  command.device = device;
+  command.payload = without_device(request.body);
+  command.sender = "page:" + (name->empty() ? text_at(body, "by").substr(0, kLongestName) : *name);
+  command.reply = [inbox = inbox_, number = request.number](const std::string& result) {
     const std::lock_guard lock(inbox->mutex);
     inbox->results.push_back({number, result + "\n"});
     ::eventfd_write(inbox->file, 1);
   };
-  place_(std::move(order));
+  place_(std::move(command));
   return std::nullopt;
 }
 
-std::vector<PageOrders::Result> PageOrders::take_results() {
+std::vector<PageCommands::Result> PageCommands::take_results() {
   const std::lock_guard lock(inbox_->mutex);
   eventfd_t count = 0;
   ::eventfd_read(inbox_->file, &count);
   return std::exchange(inbox_->results, {});
 }
 
-int PageOrders::file() const { return inbox_->file; }
+int PageCommands::file() const { return inbox_->file; }
 
 }  // namespace fxagent

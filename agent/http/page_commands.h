@@ -16,17 +16,17 @@
 
 namespace fxagent {
 
-class PageOrders final {
+class PageCommands final {
  public:
   /// Longest command, in bytes, with its `device`.
   static constexpr std::size_t kMostBytes = 65536;
 
   /// `token_file` is read for each command, so that a change needs no restart; empty: every command
-  /// is refused. `place` must not block; it calls Order::tell once, on any thread, or never if the
-  /// agent is stopping.
-  PageOrders(std::string token_file, std::function<void(Order)> place);
-  PageOrders(const PageOrders&) = delete;
-  PageOrders& operator=(const PageOrders&) = delete;
+  /// is refused. `place` must not block; it calls RelayedCommand::reply once, on any thread, or
+  /// never if the agent is stopping.
+  PageCommands(std::string token_file, std::function<void(RelayedCommand)> place);
+  PageCommands(const PageCommands&) = delete;
+  PageCommands& operator=(const PageCommands&) = delete;
 
   /// Returns the refusal, or nullopt if the command is on its way. Then take_results() has its
   /// result.
@@ -45,8 +45,8 @@ class PageOrders final {
   struct Inbox;
 
   const std::string token_file_;
-  const std::function<void(Order)> place_;
-  const std::shared_ptr<Inbox> inbox_;  ///< shared with the orders that wait
+  const std::function<void(RelayedCommand)> place_;
+  const std::shared_ptr<Inbox> inbox_;  ///< shared with the commands that wait
   SteadyTime logs_again_{};             ///< when a wrong token is logged again
 };
 

@@ -41,13 +41,13 @@ HttpAnswer wrong_name() {
 
 }  // namespace
 
-WebServer::WebServer(HttpConfig config, StatusBoard& board, std::function<void(Order)> place,
-                     const FlightRecorder* recorder)
+WebServer::WebServer(HttpConfig config, StatusBoard& board,
+                     std::function<void(RelayedCommand)> place, const FlightRecorder* recorder)
     : config_(std::move(config)),
       board_(board),
       end_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)),
       api_(recorder),
-      orders_(config_.token_file, std::move(place)) {
+      commands_(config_.token_file, std::move(place)) {
   if (config_.page) {
     board_.want_values();
     log::keep_events();
@@ -81,7 +81,7 @@ std::unique_ptr<HttpServer> WebServer::started(std::string& told) {
   auto server = std::move(socket).and_then([this](ListeningSocket&& listening) {
     return HttpServer::start(
         std::move(listening), [this](const HttpRequest& request) { return answer(request); },
-        config_.page ? PageOrders::kMostBytes : 0);
+        config_.page ? PageCommands::kMostBytes : 0);
   });
   if (server) {
     log::info("metrics", {{"state", "listening"}, {"listen", address}});
@@ -99,7 +99,7 @@ std::unique_ptr<HttpServer> WebServer::started(std::string& told) {
 void WebServer::serve(HttpServer& server) {
   server_ = &server;
   while (wait(server.file(), server.run(Clock::now())))
-    for (const PageOrders::Result& result : orders_.take_results())
+    for (const PageCommands::Result& result : commands_.take_results())
       server.finish(result.number, json_answer(kOk, result.text));
 }
 
@@ -110,7 +110,7 @@ bool WebServer::wait(int file, SteadyTime until) const {
           ? -1
           : static_cast<int>(std::clamp(left, milliseconds(0), milliseconds(60'000)).count());
   std::array<pollfd, 3> files{pollfd{end_, POLLIN, 0}, pollfd{file, POLLIN, 0},
-                              pollfd{orders_.file(), POLLIN, 0}};
+                              pollfd{commands_.file(), POLLIN, 0}};
   ::poll(files.data(), files.size(), timeout);
   return files[0].revents == 0;
 }
@@ -129,7 +129,7 @@ std::optional<HttpAnswer> WebServer::command(const HttpRequest& request) {
   if (request.path != "/api/command") return refusal(kNotAllowed, "only GET and HEAD");
   if (!is_our_name(request.host)) return wrong_name();
   if (server_->is_full()) return refusal(kUnavailable, "too many commands wait for their result");
-  return orders_.place(request);
+  return commands_.place(request);
 }
 
 HttpAnswer WebServer::page(const HttpRequest& request) {

@@ -18,7 +18,7 @@
 #include "agent/handover/status_board.h"
 #include "agent/http/http_server.h"
 #include "agent/http/page_api.h"
-#include "agent/http/page_orders.h"
+#include "agent/http/page_commands.h"
 
 namespace fxagent {
 
@@ -31,8 +31,8 @@ class WebServer final {
 
   /// Starts the thread. `board` outlives this object. If no thread can be started, logs that and
   /// serves nothing. For the page, the agent keeps last values and log events from this call on.
-  /// `place` as for PageOrders, `recorder` as for PageApi.
-  WebServer(HttpConfig config, StatusBoard& board, std::function<void(Order)> place = {},
+  /// `place` as for PageCommands, `recorder` as for PageApi.
+  WebServer(HttpConfig config, StatusBoard& board, std::function<void(RelayedCommand)> place = {},
             const FlightRecorder* recorder = nullptr);
   /// Ends the thread within kPatience.
   ~WebServer();
@@ -69,7 +69,7 @@ class WebServer final {
   std::shared_ptr<const AgentStatus> shown_;  ///< the status that `text_` shows
   std::shared_ptr<const std::string> text_;
   PageApi api_;
-  PageOrders orders_;
+  PageCommands commands_;
   std::thread thread_;
 };
 

@@ -210,7 +210,7 @@ void PairMember::keep(BootTime now) {
   const bool goes_on = !leaving_ && !over_;
   if (goes_on) {
     permit_.extend(state_.holds_until());
-    for (const PairState::Order order : state_.step(now)) carry_out(order, now);
+    for (const PairState::Action action : state_.step(now)) carry_out(action, now);
     go_on_with_claim(now);
     log_changes(now);
   }
@@ -486,18 +486,18 @@ void PairMember::go_on_with_claim(BootTime now) {
     news_.notify_all();
   }
   // At once: the number shows the other gateway that this one has held the pair.
-  carry_out(PairState::Order::send_heartbeat, now);
+  carry_out(PairState::Action::send_heartbeat, now);
 }
 
-void PairMember::carry_out(PairState::Order order, BootTime now) {
-  switch (order) {
-    case PairState::Order::publish_status:
+void PairMember::carry_out(PairState::Action action, BootTime now) {
+  switch (action) {
+    case PairState::Action::publish_status:
       return publish_status();
-    case PairState::Order::connect_lease:
+    case PairState::Action::connect_lease:
       return lease_->connect(server_, kReceiveMaximum);
-    case PairState::Order::drop_lease:
+    case PairState::Action::drop_lease:
       return drop_lease(now);
-    case PairState::Order::send_heartbeat: {
+    case PairState::Action::send_heartbeat: {
       std::uint64_t seq = peers_.highest_seq();
       {
         const std::lock_guard lock(mutex_);
@@ -531,7 +531,7 @@ void PairMember::log_changes(BootTime now) {
                        {"member", pair_.member},
                        {"boot", boot_},
                        {"peer", peer}});
-  if (logged_peer_ == peer || (peer.empty() && !peers_.knows_peer(now))) return;
+  if (logged_peer_ == peer || (peer.empty() && !peers_.has_listened(now))) return;
   logged_peer_ = peer;
   if (peer.empty())
     log::warn("pair", {{"peer", ""},

@@ -102,7 +102,7 @@ class PairMember final {
   void end_member_session();
   void save_heard(const std::string& where, const std::string& text);
   void go_on_with_claim(BootTime now);
-  void carry_out(PairState::Order order, BootTime now);
+  void carry_out(PairState::Action action, BootTime now);
   void publish_status();
   void send_journal(BootTime now);
   void log_changes(BootTime now);

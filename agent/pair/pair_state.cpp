@@ -165,7 +165,7 @@ void PairPeers::step(BootTime now) {
     fault(kSameName, "two gateways are member " + settings_.member +
                          " of this pair: give each its own pair.member");
   }
-  if (!knows_peer(now)) return;
+  if (!has_listened(now)) return;
   std::set<std::string> members;
   for (const auto& [boot, peer] : peers_) members.insert(peer.member);
   if (members.size() < 2) fault(kThird, {});
@@ -250,26 +250,26 @@ void PairState::has_claimed() {
   holds_until_ = {};
 }
 
-std::vector<PairState::Order> PairState::step(BootTime now) {
-  std::vector<Order> orders;
+std::vector<PairState::Action> PairState::step(BootTime now) {
+  std::vector<Action> actions;
   peers_.step(now);
   status_due_ = peers_.take_change() || status_due_;
   if (role_ == PairRole::claiming && agent_runs_ && now >= opens_at_ && now < holds_until_)
     enter(PairRole::active, why_, now);
   if (const auto at = claim_at(); at && now >= *at) {
     connecting_ = true;
-    orders.push_back(Order::connect_lease);
+    actions.push_back(Action::connect_lease);
   }
   if (role_ != PairRole::standby) {
     // A session whose broker has answered nothing for so long is of no use.
     const BootTime last_sign = std::max(holds_until_, opens_at_ - peers_.quiet());
     if (now >= last_sign + 2 * peers_.quiet() && !std::exchange(drop_, true))
-      orders.push_back(Order::drop_lease);
-    if (now >= heartbeat_at_) orders.push_back(Order::send_heartbeat);
+      actions.push_back(Action::drop_lease);
+    if (now >= heartbeat_at_) actions.push_back(Action::send_heartbeat);
   }
   if (peers_.joined_at() && std::exchange(status_due_, false))
-    orders.push_back(Order::publish_status);
-  return orders;
+    actions.push_back(Action::publish_status);
+  return actions;
 }
 
 BootTime PairState::next_wake() const {

@@ -1,4 +1,4 @@
-// Roles of the two gateways of a pair, as a pure state machine: events in, orders out, time as an
+// Roles of the two gateways of a pair, as a pure state machine: events in, actions out, time as an
 // argument. PairPeers is what this gateway hears of the others, PairState what it may do.
 //
 // The fence. A gateway holds the pair while its lease session lasts: the MQTT session with the
@@ -82,7 +82,7 @@ class PairPeers final {
   /// Member name of the other gateway; empty: it is not there.
   std::string peer() const;
   /// True if this gateway has listened for quiet(): an empty peer() then means that there is none.
-  bool knows_peer(BootTime now) const { return joined_at_ && now >= *joined_at_ + quiet_; }
+  bool has_listened(BootTime now) const { return joined_at_ && now >= *joined_at_ + quiet_; }
   /// True if a gateway of the pair is there whose name is lower.
   bool has_lower_name() const;
   /// Time of the last heartbeat of another holder; nullopt: none has come, or the holder has ended.
@@ -134,7 +134,7 @@ class PairPeers final {
 /// Role of this gateway: when it claims the pair, how long it holds it, and when it is over.
 class PairState final {
  public:
-  enum class Order : std::uint8_t {
+  enum class Action : std::uint8_t {
     publish_status,  ///< role, reason or peer has changed
     connect_lease,   ///< connect the lease session
     send_heartbeat,  ///< over the lease session; report it with heartbeat_sent()
@@ -161,7 +161,7 @@ class PairState final {
   void agent_began() { agent_runs_ = true; }
 
   /// Returns what is due, in order. Call after each event and at next_wake().
-  std::vector<Order> step(BootTime now);
+  std::vector<Action> step(BootTime now);
   BootTime next_wake() const;
 
   PairRole role() const { return role_; }

@@ -36,7 +36,7 @@ std::optional<ServiceReports::Time> ServiceReports::next() const {
   return feed_at_ ? feed_at_ : status_at_;
 }
 
-void ServiceReports::tell(Time now) {
+void ServiceReports::keep(Time now) {
   if (feed_at_ && now >= *feed_at_) feed(now);
   if (status_at_ && now >= *status_at_) notify_status(now);
 }

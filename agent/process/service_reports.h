@@ -54,11 +54,11 @@ class ServiceReports final {
   /// interval.
   ServiceReports(Heartbeats& signs, Sources sources, Time now);
 
-  /// Returns the time of the next tell(); nullopt: no service manager listens.
+  /// Returns the time of the next keep(); nullopt: no service manager listens.
   std::optional<Time> next() const;
   /// Does what is due. If one of them hangs, the watchdog is not fed; the log and the status name
   /// it.
-  void tell(Time now);
+  void keep(Time now);
 
  private:
   void feed(Time now);

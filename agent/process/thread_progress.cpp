@@ -42,9 +42,9 @@ std::optional<Thread> thread_at(const std::filesystem::path& task, std::string_v
 
 }  // namespace
 
-void ThreadProgress::look(Time now, bool excused) {
-  if (now < look_at_) return;
-  look_at_ = now + kBetweenLooks;
+void ThreadProgress::check(Time now, bool excused) {
+  if (now < check_at_) return;
+  check_at_ = now + kBetweenChecks;
   stands_still_.clear();
   const auto before = std::exchange(seen_, {});
   std::error_code fault;
@@ -57,8 +57,8 @@ void ThreadProgress::look(Time now, bool excused) {
     Seen seen{thread->switches, 0};
     const auto known = before.find(id);
     if (known != before.end() && known->second.switches == seen.switches)
-      seen.looks = known->second.looks + 1;
-    if (seen.looks >= kLooks) stands_still_ = thread->name;
+      seen.checks = known->second.checks + 1;
+    if (seen.checks >= kChecks) stands_still_ = thread->name;
     seen_.emplace(id, seen);
   }
 }

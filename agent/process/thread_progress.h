@@ -14,30 +14,30 @@ namespace fxagent {
 class ThreadProgress final {
  public:
   using Time = std::chrono::steady_clock::time_point;
-  /// Interval of checks. A thread that was not switched in kLooks checks in a row hangs. Counts
+  /// Interval of checks. A thread that was not switched in kChecks checks in a row hangs. Counts
   /// checks and not only time, because a process that was stopped as a whole has missed both.
-  static constexpr std::chrono::seconds kBetweenLooks{10};
-  static constexpr int kLooks = 12;
+  static constexpr std::chrono::seconds kBetweenChecks{10};
+  static constexpr int kChecks = 12;
 
   /// Checks the threads of this process whose names begin with `prefix`. Each of them must wait for
-  /// less than kBetweenLooks at a time, unless `excused`.
+  /// less than kBetweenChecks at a time, unless `excused`.
   explicit ThreadProgress(std::string prefix) : prefix_(std::move(prefix)) {}
 
   /// Checks the threads if a check is due. `excused`: they may be waiting for something else now,
   /// and their counts begin again.
-  void look(Time now, bool excused);
+  void check(Time now, bool excused);
   /// The name of a thread that hangs; empty: none does, or it is not known.
   const std::string& stands_still() const { return stands_still_; }
 
  private:
   struct Seen {
     std::uint64_t switches = 0;
-    int looks = 0;  ///< checks in a row with this number
+    int checks = 0;  ///< checks in a row with this number
   };
 
   std::string prefix_;
   std::map<int, Seen> seen_;  ///< by thread id
-  Time look_at_{};
+  Time check_at_{};
   std::string stands_still_;
 };
 

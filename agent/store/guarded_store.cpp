@@ -12,11 +12,11 @@ GuardedStore::GuardedStore(Store& store, std::function<void()> wake)
           store.path(),
           [this] {
             samples_.remember();
-            seen_ = look();
+            seen_ = read_figures();
           },
           std::move(wake)) {}
 
-GuardedStore::Figures GuardedStore::look() const {
+GuardedStore::Figures GuardedStore::read_figures() const {
   const StoredSamples& samples = store_.samples();
   return {samples.rows(),     samples.recovered(),   store_.bytes(),
           store_.set_aside(), store_.audit().head(), samples.dropped_by()};

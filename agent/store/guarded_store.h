@@ -54,7 +54,7 @@ class GuardedStore final {
     audit::Head audit;
     StoreLimit dropped_by = StoreLimit::none;  ///< StoredSamples::dropped_by()
   };
-  Figures figures() const { return hangs() ? seen_ : look(); }
+  Figures figures() const { return hangs() ? seen_ : read_figures(); }
 
   /// Store::upkeep(). After overdue work, first handles its outcome and the notes that have waited.
   void upkeep(SteadyTime now, std::int64_t utc_ms);
@@ -62,7 +62,7 @@ class GuardedStore final {
   void close();
 
  private:
-  Figures look() const;
+  Figures read_figures() const;
 
   Store& store_;
   Figures seen_;  ///< from before the last work of the disk

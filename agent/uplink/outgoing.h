@@ -14,6 +14,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "agent/steady_time.h"
@@ -121,5 +122,8 @@ class Outgoing final {
   bool handed_over_ = false;  ///< a message went to the library in this step
   std::optional<SteadyTime> unanswered_since_;
 };
+
+/// Logs that a publication failed. `what` it was: a state, the name of a profile.
+void log_failed(std::string_view what, const DeliveryFailed& event);
 
 }  // namespace fxagent

@@ -18,8 +18,8 @@
 #include "agent/uplink/retained/identity_conflict.h"
 #include "agent/uplink/retained/retained_state.h"
 #include "agent/uplink/session/session.h"
+#include "agent/uplink/session/shutdown.h"
 #include "agent/uplink/session/subscriptions.h"
-#include "agent/uplink/shutdown.h"
 #include "agent/uplink/status/status_source.h"
 
 namespace fxagent {

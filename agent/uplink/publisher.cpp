@@ -1,6 +1,7 @@
 #include "agent/uplink/publisher.h"
 
 #include <algorithm>
+#include <chrono>
 #include <type_traits>
 #include <utility>
 #include <variant>
@@ -55,8 +56,9 @@ Publisher::Publisher(Config& config, PublisherSettings settings, JsonPayload& pa
            results_, samples_out_, history_, refused_, store, outlets_, settings_.boot,
            settings_.version},
           utc_ms_, [this] { outbox_.notify(); }, std::move(ask_counters)),
-      farewell_(payload, outgoing_, utc_ms_),
-      shutdown_(broker, session_, farewell_),
+      farewell_(outgoing_, "state",
+                [this] { return std::vector{payload_.agent_offline(utc_ms_())}; }),
+      shutdown_(session_, farewell_, std::chrono::seconds(3)),
       own_topics_({config, commands, session_, subscriptions_, shutdown_, farewell_, results_,
                    intake_, retained_, status_, store},
                   settings_.boot, settings_.is_ours) {
@@ -98,6 +100,7 @@ void Publisher::stop(SteadyTime now) {
   subscriptions_.end_commands();
   for (Outlet* outlet : outlets_) outlet->stop(now);
   shutdown_.begin(now);
+  session_.reconnect_if_leaving(now);
   commands_.close();
 }
 
@@ -185,27 +188,28 @@ void Publisher::take_commands(SteadyTime now) {
   for (ResultMessage& result : commands_.results().take()) results_.add(std::move(result), now);
 }
 
-void Publisher::take_order(Order order, SteadyTime now) {
-  // The broker may be away for days: results must not fill the memory. Nor must orders, which other
-  // brokers send without our flow control.
+void Publisher::take_relayed(RelayedCommand command, SteadyTime now) {
+  // The broker may be away for days: results must not fill the memory. Nor must relayed commands,
+  // which other brokers send without our flow control.
   if (results_.is_full() || intake_.is_full()) {
-    if (!order.tell)
+    if (!command.reply)
       return log::error("command_refused",
-                        {{"device", order.device},
-                         {"by", order.sender},
+                        {{"device", command.device},
+                         {"by", command.sender},
                          {"note", "too many commands and results wait; nothing was sent"}});
-    CommandResult result = result_of(parse_command(order.payload));
+    CommandResult result = result_of(parse_command(command.payload));
     set_outcome(result, CommandStatus::rejected, Reason::queue_full,
                 "too many commands and results wait; nothing was sent");
-    return order.tell(result_text(result));
+    return command.reply(result_text(result));
   }
-  Message message{std::move(static_cast<MessageProperties&>(order)),
-                  config_.base_topic() + "/" + order.device + "/command", std::move(order.payload)};
+  Message message{std::move(static_cast<MessageProperties&>(command)),
+                  config_.base_topic() + "/" + command.device + "/command",
+                  std::move(command.payload)};
   if (message.received == SteadyTime{}) {
     message.received = now;
     message.received_ms = utc_ms_();
   }
-  intake_.add(std::move(message), std::move(order.device), false);
+  intake_.add(std::move(message), std::move(command.device), false);
 }
 
 // ---- connection ---------------------------------------------------------------------------------
@@ -233,10 +237,10 @@ void Publisher::keep_session(SteadyTime now) {
   const bool runs_ahead = intake_.is_holding() && session_.receive_maximum() > 1 &&
                           config_.mqtt.version == 5 && session_.is_connected() &&
                           results_.is_far_behind(intake_.heard());
-  if (runs_ahead) session_.connect_anew(now);
+  if (runs_ahead) session_.reconnect_one_at_a_time(now);
   if (farewell_.by() && (now >= *farewell_.by() || !session_.is_connected())) {
     farewell_.withdraw();
-    session_.begin_anew(now);
+    session_.restart(now);
   }
   subscriptions_.keep(now, results_.bytes() <= settings_.result_bytes / 2);
   session_.keep(now);
@@ -288,7 +292,7 @@ void Publisher::keep_shutdown(SteadyTime now) {
                      !samples_out_.has_live() && spool_.empty(),
                  now);
   if (!shutdown_.finished()) return;
-  session_.give_up(now);
+  session_.close(now);
   spool_.close();
   log::info("uplink_stopped", {{"samples_left", std::to_string(samples().waiting())},
                                {"results_left", std::to_string(results_.size())}});
@@ -319,7 +323,7 @@ std::optional<std::vector<std::uint64_t>> Publisher::change(const ConfigChange& 
     if (session_.is_connected())
       farewell_.say(now);
     else
-      session_.begin_anew(now);
+      session_.restart(now);
   }
   // Without a store, numbers start at the clock, as at the agent's start.
   const std::int64_t clock = utc_ms_();
@@ -345,7 +349,7 @@ SteadyTime Publisher::next_wake(SteadyTime now) const {
   const bool running = !shutdown_.has_begun();
   if (running && farewell_.by()) at(*farewell_.by());
   at(running ? own_topics_.next_wake() : shutdown_.next_wake());
-  if (running || !session_.is_connected()) at(session_.next_wake());
+  if (running) at(session_.next_wake());
   at(spool_.next_wake(now));
   at(samples_out_.next_wake());
   at(history_.next_wake(now));
@@ -353,7 +357,7 @@ SteadyTime Publisher::next_wake(SteadyTime now) const {
   if (running) at(subscriptions_.next_wake());
   // Messages that are due but have no room go out after the next acknowledgement, which is an
   // event.
-  at(retained_.next_wake(now));
+  if (shutdown_.may_publish() && !farewell_.by()) at(retained_.next_wake(now));
   at(results_.next_wake(now));
   if (!outgoing_.empty()) at(now + Outgoing::kAcknowledgedWithin);
   return wake;

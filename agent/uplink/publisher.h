@@ -38,8 +38,8 @@
 #include "agent/uplink/samples/sample_delivery.h"
 #include "agent/uplink/samples/sample_spool.h"
 #include "agent/uplink/session/session.h"
+#include "agent/uplink/session/shutdown.h"
 #include "agent/uplink/session/subscriptions.h"
-#include "agent/uplink/shutdown.h"
 #include "agent/uplink/status/status_source.h"
 
 namespace fxagent {
@@ -107,9 +107,9 @@ class Publisher final {
   void set_config_status(ConfigStatus status, SteadyTime now);
 
   /// Takes a command from the page or a profile. Its result is also published on the result topic.
-  /// If too many commands or results wait, rejects it: the result then goes only to `tell`, or to
+  /// If too many commands or results wait, rejects it: the result then goes only to `reply`, or to
   /// the log if that is empty.
-  void take_order(Order order, SteadyTime now);
+  void take_relayed(RelayedCommand command, SteadyTime now);
 
   struct Unanswered {
     JournalEntry entry;
@@ -177,8 +177,7 @@ class Publisher final {
   CommandIntake intake_;
   std::vector<Outlet*> outlets_;
   StatusSource status_;
-  /// To the broker, in a shutdown or when the MQTT settings have changed.
-  Farewell farewell_;
+  Farewell farewell_;  ///< the agent's state becomes offline
   Shutdown shutdown_;
   OwnTopics own_topics_;
 

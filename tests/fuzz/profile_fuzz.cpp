@@ -15,8 +15,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   using namespace fxagent;
   if (size == 0) return 0;
   const Config config = test::plant();
-  const auto take = [](const Order& order) {
-    const auto command = nlohmann::json::parse(order.payload, nullptr, false);
+  const auto take = [](const RelayedCommand& each) {
+    const auto command = nlohmann::json::parse(each.payload, nullptr, false);
     if (!command.is_object() || command["op"] != "write" || !command.contains("value") ||
         command.size() != 4)
       std::abort();
@@ -38,12 +38,12 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     return 0;
   }
   if ((data[0] & 32) != 0) {
-    std::size_t orders = 0;
-    const auto carry_out = [&](const Order& order) {
-      ++orders;
-      const auto command = nlohmann::json::parse(order.payload, nullptr, false);
+    std::size_t relayed = 0;
+    const auto carry_out = [&](const RelayedCommand& each) {
+      ++relayed;
+      const auto command = nlohmann::json::parse(each.payload, nullptr, false);
       if (!command.contains("op")) std::abort();
-      order.tell(R"({"status":"SUCCEEDED","value":1})");
+      each.reply(R"({"status":"SUCCEEDED","value":1})");
     };
     what.kind = ProfileConfig::Kind::sparkplug_commands;
     what.host.clear();
@@ -56,7 +56,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     profile.hear(message);
     std::size_t answers = 0;
     while (const std::size_t next = profile.due(SteadyTime{}, 1).size()) answers += next;
-    if (births != 1 || answers < orders) std::abort();
+    if (births != 1 || answers < relayed) std::abort();
     return 0;
   }
   what.kind = ProfileConfig::Kind::sparkplug;

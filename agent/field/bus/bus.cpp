@@ -30,7 +30,7 @@ asio::awaitable<Exchange> Bus::exchange(Station& station, Request request, Stead
   const Codec& codec = *station.codec;
   wire_.begin(station);
   Exchange failed;
-  const bool open = overheard_.tells_answers_apart(codec) || wire_.look(codec, failed);
+  const bool open = overheard_.tells_answers_apart(codec) || wire_.take_arrived(codec, failed);
   if (!open) co_return failed;
   const bool ready = co_await prepare(station, request, failed);
   if (!ready) {
@@ -60,7 +60,7 @@ asio::awaitable<Exchange> Bus::ask(Station& station, const Request& request, Ste
     co_return exchange;
   }
   if (codec.is_broadcast() || overheard_.tells_answers_apart(codec)) {
-    wire_.channel().believed();
+    wire_.channel().answered_beyond_doubt();
     co_return exchange;
   }
   bool quiet_behind = true;
@@ -81,7 +81,7 @@ asio::awaitable<Exchange> Bus::ask(Station& station, const Request& request, Ste
       make_garbled("the answer does not count: unexpected bytes were on the line (" +
                    beginning_of(last_unexpected()) + ")");
   }
-  if (!overheard_.doubt().is_doubted()) wire_.channel().believed();
+  if (!overheard_.doubt().is_doubted()) wire_.channel().answered_beyond_doubt();
   co_return exchange;
 }
 

@@ -52,8 +52,9 @@ class Channel final {
 
   /// Records that a request was answered over it.
   void answered() { answered_ = ever_answered_ = true; }
-  /// Records that a request was answered without a doubt: the line is not always busy.
-  void believed() { never_silent_ = false; }
+  /// Records that a request was answered, and that no other bytes can pass for the answer: the line
+  /// is not always busy.
+  void answered_beyond_doubt() { never_silent_ = false; }
 
   /// Incremented each time the channel opens. A handshake with a device is valid for one session
   /// only.

@@ -84,7 +84,7 @@ void Wire::begin(const Station& station) {
   if (trace_) trace_->speak_to(station);
 }
 
-bool Wire::look(const Codec& codec, Exchange& failed) {
+bool Wire::take_arrived(const Codec& codec, Exchange& failed) {
   const auto found = channel_.transport().discard_input();
   if (!found) {
     channel_.lose(found.error().text);
@@ -122,7 +122,8 @@ asio::awaitable<Exchange> Wire::exchange(const Station& station, Request request
   SteadyTime earliest = not_before_;
   if (exchange.rest.count() > 0) earliest = std::max(earliest, last_activity_ + exchange.rest);
   co_await wait_until(earliest);
-  const bool open = look(codec, exchange) && renew_port(channel_.transport(), codec, exchange);
+  const bool open =
+      take_arrived(codec, exchange) && renew_port(channel_.transport(), codec, exchange);
   if (!open) co_return exchange;
   exchange.began = exchange.ended = now();
   if (exchange.began > not_after) {

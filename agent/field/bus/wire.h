@@ -71,7 +71,7 @@ class Wire final {
   void begin(const Station& station);
 
   /// Takes what has arrived, without waiting. False: the channel is closed; `failed` says why.
-  bool look(const Codec& codec, Exchange& failed);
+  bool take_arrived(const Codec& codec, Exchange& failed);
   /// Waits for silence as Channel::listen(), and judges what came. False: the channel is closed.
   asio::awaitable<bool> drain(const Codec& codec, SteadyTime until, std::chrono::nanoseconds quiet);
   /// Sends a request and receives its answer. Checks `not_after` just before the first byte.

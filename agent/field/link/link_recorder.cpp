@@ -15,7 +15,7 @@ std::uint16_t LinkRecorder::number(const DeviceConfig& device) {
                         device.options ? *device.options : default_options(*device.protocol)});
 }
 
-void LinkRecorder::look(std::uint64_t bad_frames, bool is_up, const std::string& why_down) {
+void LinkRecorder::check_link(std::uint64_t bad_frames, bool is_up, const std::string& why_down) {
   if (!ring_) return;
   if (burst_.add(bad_frames, std::chrono::steady_clock::now()))
     recorder_->anomaly(link_.name, "a burst of bad frames");

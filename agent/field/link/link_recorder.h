@@ -53,7 +53,7 @@ class LinkRecorder final {
 
   /// Compares the link with the previous call: a link that went down and a burst of bad frames are
   /// anomalies.
-  void look(std::uint64_t bad_frames, bool is_up, const std::string& why_down);
+  void check_link(std::uint64_t bad_frames, bool is_up, const std::string& why_down);
   /// Takes the result of a command: UNKNOWN_OUTCOME and a result after its bound are anomalies.
   void ended(const CommandResult& result, const std::string& device);
 

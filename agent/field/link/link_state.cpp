@@ -215,7 +215,7 @@ void LinkState::taken_back() {
   log::info("link", {{"link", link_.config.name}, {"state", "taken_back"}});
 }
 
-void LinkState::look() {
+void LinkState::check_bus() {
   if (link_.bus.channel().closed_after_silence() && was_open_)
     next_open_ = Clock::now();
   else if (!link_.bus.is_open() && was_open_)

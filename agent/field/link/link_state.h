@@ -37,7 +37,7 @@ class LinkState final {
   void lost(const std::string& why);
   /// Handles a loss that the bus has noticed, and logs what else it has found. If the bus was
   /// closed after a silence, this is not a loss, and it is reopened at once.
-  void look();
+  void check_bus();
 
   /// Records that the bus was closed for another program. `text` says until when. What follows is
   /// no fault, until taken_back().

@@ -191,8 +191,8 @@ asio::awaitable<void> LinkWorker::serve() {
       co_await be_away();
       continue;
     }
-    state_.look();
-    recorder_.look(bus_.counters().bad_frames, state_.is_up(), state_.why_down());
+    state_.check_bus();
+    recorder_.check_link(bus_.counters().bad_frames, state_.is_up(), state_.why_down());
     const auto now = Clock::now();
     if (!bus_.is_open() && now >= state_.next_open()) {
       co_await open_line();
@@ -211,19 +211,19 @@ asio::awaitable<void> LinkWorker::serve() {
   }
 }
 
-void LinkWorker::yield(SteadyTime until, std::string text, Told told) {
-  if (state_.is_stopping()) return told(state_.why_stopping());
+void LinkWorker::yield(SteadyTime until, std::string text, Done done) {
+  if (state_.is_stopping()) return done(state_.why_stopping());
   yields_until_ = until;
   yield_text_ = std::move(text);
-  yields_told_.push_back(std::move(told));
+  yields_done_.push_back(std::move(done));
   commands_.refuse_waiting(Reason::yielded);
   idle_.cancel();
 }
 
-void LinkWorker::take_back(Told told) {
-  if (state_.is_stopping()) return told(state_.why_stopping());
+void LinkWorker::take_back(Done done) {
+  if (state_.is_stopping()) return done(state_.why_stopping());
   if (yields_until_) yields_until_ = SteadyTime{};
-  yields_told_.push_back(std::move(told));
+  yields_done_.push_back(std::move(done));
   idle_.cancel();
   if (!yields_until_) answer_yields(Reason::none);
 }
@@ -245,7 +245,7 @@ asio::awaitable<void> LinkWorker::be_away() {
 }
 
 void LinkWorker::answer_yields(Reason why) {
-  for (const Told& told : std::exchange(yields_told_, {})) told(why);
+  for (const Done& done : std::exchange(yields_done_, {})) done(why);
 }
 
 void LinkWorker::stop(Reason why) {

@@ -69,12 +69,12 @@ class LinkWorker final {
   const LinkDevices& devices() const { return devices_; }
 
   /// Receives the outcome of a yield() or take_back(): Reason::none if it was done.
-  using Told = std::function<void(Reason)>;
+  using Done = std::function<void(Reason)>;
   /// Closes the port for another program as soon as nothing is on the wire, until `until`. Commands
   /// that wait or come then get REJECTED yielded. `text` says who wanted it and until when.
-  void yield(SteadyTime until, std::string text, Told told);
+  void yield(SteadyTime until, std::string text, Done done);
   /// Ends the yield at once.
-  void take_back(Told told);
+  void take_back(Done done);
 
   /// Ends run() within 3 s: cuts a poll short and answers waiting commands with FAILED `why`, which
   /// is shutting_down or reloading. A running command writes nothing more; its exchange on the wire
@@ -132,7 +132,7 @@ class LinkWorker final {
   /// End of the yield; nullopt: none. If it has passed, the port is taken back next.
   std::optional<SteadyTime> yields_until_;
   std::string yield_text_;
-  std::vector<Told> yields_told_;  ///< not called yet
+  std::vector<Done> yields_done_;  ///< not called yet
   std::atomic<bool> ended_ = false;
 };
 

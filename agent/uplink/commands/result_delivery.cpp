@@ -33,8 +33,8 @@ ResultDelivery::ResultDelivery(const Config& config, CommandResults& results, Ou
       utc_ms_(std::move(utc_ms)) {}
 
 void ResultDelivery::add(ResultMessage result, SteadyTime now) {
-  if (result.tell) result.tell(with_total(result.text, now - result.received));
-  result.tell = nullptr;
+  if (result.reply) result.reply(with_total(result.text, now - result.received));
+  result.reply = nullptr;
   const std::string& device = result.device;
   Pending pending;
   pending.copies.push_back({.topic = base_ + "/" + device + "/result"});

@@ -14,16 +14,16 @@ constexpr std::chrono::seconds kAgainAfter{30};
 }  // namespace
 
 JsonProfile::JsonProfile(const Config& config, std::string boot, std::string version,
-                         std::int64_t since_ms, std::string broker, TakeOrder take_order)
+                         std::int64_t since_ms, std::string broker, RelayCommand relay)
     : config_(config),
       payload_(config, std::move(boot), std::move(version), broker),  // before it is moved
       since_ms_(since_ms),
       broker_(std::move(broker)),
-      take_order_(std::move(take_order)),
+      relay_(std::move(relay)),
       states_(config.devices.size()) {}
 
 std::vector<Subscription> JsonProfile::subscriptions() const {
-  if (!take_order_) return {};
+  if (!relay_) return {};
   return {{config_.base_topic() + "/+/command", /*no_local=*/true}};
 }
 
@@ -53,15 +53,16 @@ void JsonProfile::connection_ended() {
 void JsonProfile::hear(const Message& message) {
   const std::string base = config_.base_topic();
   const auto device = device_of(message.topic, base, "command");
-  if (!device || !take_order_) return;
+  if (!device || !relay_) return;
   if (message.payload.empty()) return;  // it clears a retained topic
   if (is_for_link(config_, message, *device)) return;
-  Order order = order_of(message, std::string(*device), broker_);
-  order.payload = message.payload;
-  order.tell = [this, topic = base + "/" + order.device + "/result"](const std::string& result) {
+  RelayedCommand command = relayed_command(message, std::string(*device), broker_);
+  command.payload = message.payload;
+  command.reply = [this,
+                   topic = base + "/" + command.device + "/result"](const std::string& result) {
     others_.push_back({.topic = topic, .payload = result});
   };
-  take_order_(std::move(order));
+  relay_(std::move(command));
 }
 
 void JsonProfile::device_state(const DeviceStatus& status) {
@@ -88,7 +89,7 @@ std::vector<Publication> JsonProfile::due(SteadyTime now, std::int64_t) {
   std::vector<Publication> due;
   if (std::exchange(greets_, false)) {
     const auto reason =
-        take_order_ ? std::nullopt : std::optional<std::string>("this broker sends no commands");
+        relay_ ? std::nullopt : std::optional<std::string>("this broker sends no commands");
     due.push_back(payload_.agent_online(since_ms_, reason, std::nullopt));
   } else if (!others_.empty()) {
     due.push_back(std::move(others_.front()));

@@ -17,9 +17,9 @@ namespace fxagent {
 class JsonProfile final : public Profile {
  public:
   /// `config` outlives it. `since_ms` is the start of the agent. `broker` is the name of the
-  /// broker, for the audit. `take_order` is empty if the broker may not send commands.
+  /// broker, for the audit. `relay` is empty if the broker may not send commands.
   JsonProfile(const Config& config, std::string boot, std::string version, std::int64_t since_ms,
-              std::string broker, TakeOrder take_order);
+              std::string broker, RelayCommand relay);
 
   Publication last_will() override { return payload_.last_will(); }
   std::vector<Subscription> subscriptions() const override;
@@ -49,7 +49,7 @@ class JsonProfile final : public Profile {
   JsonPayload payload_;
   const std::int64_t since_ms_;
   const std::string broker_;
-  const TakeOrder take_order_;
+  const RelayCommand relay_;
   DeviceStates states_;
   bool greets_ = false;  ///< the agent's state is due
   bool is_connected_ = false;

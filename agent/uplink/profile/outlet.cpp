@@ -9,12 +9,6 @@
 #include "agent/log/log.h"
 
 namespace fxagent {
-namespace {
-
-// Each of the three steps of the end.
-constexpr std::chrono::seconds kStopWithin{1};
-
-}  // namespace
 
 Outlet::Outlet(const Config& config, Settings settings, Profile& profile, Broker& broker,
                std::function<std::int64_t()> utc_ms, GuardedStore* store)
@@ -35,7 +29,9 @@ Outlet::Outlet(const Config& config, Settings settings, Profile& profile, Broker
       refused_(backoff_),
       samples_(config, settings_.boot, profile, outgoing_, refused_, spool_),
       history_(profile, outgoing_, refused_, spool_.waiting()),
-      drops_(spool_.waiting(), store, session_, settings_.name) {}
+      drops_(spool_.waiting(), store, session_, settings_.name),
+      farewell_(outgoing_, settings_.name, [this] { return profile_.farewell(utc_ms_()); }),
+      shutdown_(session_, farewell_, std::chrono::seconds(1)) {}
 
 void Outlet::take(const Outbox::Batch& batch, SteadyTime now) {
   for (const DeviceStatus& status : batch.states) profile_.device_state(status);
@@ -47,7 +43,7 @@ void Outlet::take(const Outbox::Batch& batch, SteadyTime now) {
   for (const Telemetry& sample : batch.telemetry) profile_.saw(sample);
   collected_ += batch.telemetry.size();
   const bool can_go =
-      (session_.is_connected() || session_.is_starting()) && phase_ == Phase::running;
+      (session_.is_connected() || session_.is_starting()) && shutdown_.may_publish();
   samples_.take(batch.telemetry, can_go, now);
 }
 
@@ -57,11 +53,11 @@ void Outlet::change(const ConfigChange& change, SteadyTime now) {
   if (!change.mqtt || !settings_.mqtt_of) return;
   MqttConfig mqtt = settings_.mqtt_of(config_);
   if (mqtt == settings_.mqtt) return;
-  if (session_.is_connected()) say_goodbye();
+  if (session_.is_connected()) farewell_.say(now);
   settings_.mqtt = std::move(mqtt);
   broker_.use(settings_.mqtt);
   session_.settings_changed();
-  if (phase_ == Phase::running) session_.begin_anew(now);
+  if (!shutdown_.has_begun()) session_.restart(now);
 }
 
 SteadyTime Outlet::step(SteadyTime now) {
@@ -70,22 +66,27 @@ SteadyTime Outlet::step(SteadyTime now) {
   spool_.waiting().upkeep(now, utc_ms_());
   if (store_ != nullptr) store_->take_found_late();
   spool_.waiting().move_memory_to_disk();
-  if (phase_ == Phase::running) {
+  if (!shutdown_.has_begun()) {
     session_.keep(now);
     if (profile_.take_leave() && session_.is_connected()) {
-      say_goodbye();
+      farewell_.say(now);
       session_.go_to_next(now);
     }
   }
   send(now);
   const bool failed = outgoing_.fail_unsendable(now);
-  keep_stop(now);
-  spool_.commit(now, phase_ == Phase::running);
+  if (shutdown_.has_begun()) shutdown_.step(outgoing_.empty() && !samples_.has_live(), now);
+  if (finished()) {
+    session_.close(now);
+    spool_.close();
+    drops_.keep(now);
+    return SteadyTime::max();
+  }
+  spool_.commit(now, !shutdown_.has_begun());
   drops_.keep(now);
-  broker_.await_acknowledgements(phase_ != Phase::running || !session_.is_connected() ||
+  broker_.await_acknowledgements(shutdown_.has_begun() || !session_.is_connected() ||
                                  history_.is_on_the_way() ||
                                  outgoing_.size() >= outgoing_.window() / 2);
-  if (finished()) return SteadyTime::max();
   return failed ? now : next_wake(now);
 }
 
@@ -108,8 +109,7 @@ void Outlet::take_broker_events(SteadyTime now) {
         log::error("subscription_refused", {{"filter", event.filter}, {"reason", event.text}});
     } else {
       session_.on(event, now);
-      if constexpr (std::is_same_v<Event, Disconnected>)
-        if (phase_ == Phase::closing) finish(now);
+      if constexpr (std::is_same_v<Event, Disconnected>) shutdown_.disconnected(now);
     }
   };
   for (const BrokerEvent& event : broker_.take_events()) std::visit(take, event);
@@ -130,18 +130,13 @@ void Outlet::connection_ended() {
   profile_.connection_ended();
 }
 
-std::optional<std::uint64_t> Outlet::say_goodbye() {
-  auto last = profile_.farewell(utc_ms_());
-  if (last.empty()) return std::nullopt;
-  return outgoing_.send(*this, std::move(last));
-}
-
 // ---- sending ------------------------------------------------------------------------------------
 
 void Outlet::send(SteadyTime now) {
   samples_.settle(now);
-  spool_.commit(now, phase_ == Phase::running);
-  if (session_.is_connected() && (phase_ == Phase::running || phase_ == Phase::draining)) {
+  const bool running = !shutdown_.has_begun();
+  spool_.commit(now, running);
+  if (session_.is_connected() && shutdown_.may_publish()) {
     while (outgoing_.has_room()) {
       auto due = profile_.due(now, utc_ms_());
       if (due.empty()) break;
@@ -149,55 +144,19 @@ void Outlet::send(SteadyTime now) {
     }
     if (profile_.wants_samples() && profile_.is_ready()) {
       samples_.pump_live(now);
-      if (!samples_.has_live() && phase_ == Phase::running) history_.pump(true, now);
+      if (!samples_.has_live() && running) history_.pump(true, now);
     }
   }
   outgoing_.note_sent(now);
 }
 
-void Outlet::delivered(std::uint64_t id, SteadyTime) {
-  if (farewell_ == id) farewell_.reset();
-}
-
-void Outlet::failed(const DeliveryFailed& event, SteadyTime now) {
-  log::warn(
-      event.reason_code != 0 ? "publish_refused" : "publish_failed",
-      {{"what", settings_.name}, {"code", hex_code(event.reason_code)}, {"reason", event.text}});
+void Outlet::failed(const DeliveryFailed& event, SteadyTime) {
+  log_failed(settings_.name, event);
   profile_.refused();
-  delivered(event.id, now);
 }
-
-// ---- the end ------------------------------------------------------------------------------------
 
 void Outlet::stop(SteadyTime now) {
-  if (phase_ != Phase::running) return;
-  phase_ = Phase::draining;
-  phase_ends_ = now + kStopWithin;
-}
-
-void Outlet::keep_stop(SteadyTime now) {
-  if (phase_ == Phase::running || finished()) return;
-  if (!session_.is_connected()) return finish(now);
-  const bool over = now >= phase_ends_;
-  if (phase_ == Phase::draining && (over || (outgoing_.empty() && !samples_.has_live()))) {
-    phase_ = Phase::farewell;
-    phase_ends_ = now + kStopWithin;
-    outgoing_.drop_waiting();
-    farewell_ = say_goodbye();
-    outgoing_.note_sent(now);
-  } else if (phase_ == Phase::farewell && (over || !farewell_)) {
-    phase_ = Phase::closing;
-    phase_ends_ = now + kStopWithin;
-    broker_.disconnect(profile_.leaves_with_will());
-  } else if (phase_ == Phase::closing && (over || !broker_.is_connected())) {
-    finish(now);
-  }
-}
-
-void Outlet::finish(SteadyTime now) {
-  phase_ = Phase::finished;
-  session_.give_up(now);
-  spool_.close();
+  if (!shutdown_.has_begun()) shutdown_.begin(now);
 }
 
 // ---- status -------------------------------------------------------------------------------------
@@ -205,14 +164,14 @@ void Outlet::finish(SteadyTime now) {
 SteadyTime Outlet::next_wake(SteadyTime now) const {
   SteadyTime wake = SteadyTime::max();
   const auto at = [&wake](SteadyTime time) { wake = std::min(wake, time); };
-  if (phase_ != Phase::running) at(phase_ends_);
-  if (phase_ == Phase::farewell && !farewell_) at(now);
-  if (phase_ == Phase::closing) at(now + Outgoing::kAcknowledgedWithin);
-  at(session_.next_wake());
+  if (shutdown_.has_begun())
+    at(shutdown_.next_wake());
+  else
+    at(session_.next_wake());
   at(spool_.next_wake(now));
   at(samples_.next_wake());
   if (!session_.is_connected()) return wake;
-  if (outgoing_.has_room() && phase_ <= Phase::draining) at(profile_.next_wake());
+  if (outgoing_.has_room() && shutdown_.may_publish()) at(profile_.next_wake());
   if (profile_.is_ready()) at(history_.next_wake(now));
   if (!outgoing_.empty()) at(now + Outgoing::kAcknowledgedWithin);
   return wake;

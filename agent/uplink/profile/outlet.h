@@ -7,7 +7,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
-#include <optional>
 #include <set>
 #include <string>
 
@@ -26,6 +25,7 @@
 #include "agent/uplink/samples/sample_delivery.h"
 #include "agent/uplink/samples/sample_spool.h"
 #include "agent/uplink/session/session.h"
+#include "agent/uplink/session/shutdown.h"
 
 namespace fxagent {
 
@@ -59,25 +59,19 @@ class Outlet final : private Outgoing::Sender {
 
   /// Begins the clean end: sends what waits, for at most 1 s, then the profile's last messages.
   void stop(SteadyTime now);
-  bool finished() const { return phase_ == Phase::finished; }
+  bool finished() const { return shutdown_.finished(); }
 
   ProfileStatus status() const;
 
  private:
-  enum class Phase : std::uint8_t { running, draining, farewell, closing, finished };
-
   void take_broker_events(SteadyTime now);
-  /// Sends the profile's last messages. Returns their id; nullopt: it has none.
-  std::optional<std::uint64_t> say_goodbye();
   void send(SteadyTime now);
-  void keep_stop(SteadyTime now);
-  void finish(SteadyTime now);
   SteadyTime next_wake(SteadyTime now) const;
   void connection_began(const Connected& connected);
   void connection_ended();
 
   // Of what the profile itself publishes.
-  void delivered(std::uint64_t id, SteadyTime now) override;
+  void delivered(std::uint64_t, SteadyTime) override {}
   void failed(const DeliveryFailed& event, SteadyTime now) override;
 
   const Config& config_;
@@ -95,12 +89,11 @@ class Outlet final : private Outgoing::Sender {
   SampleDelivery samples_;
   HistoryDelivery history_;
   DropWarning drops_;
+  Farewell farewell_;
+  Shutdown shutdown_;
 
   std::uint64_t collected_ = 0;
-  Phase phase_ = Phase::running;
-  SteadyTime phase_ends_{};
-  std::optional<std::uint64_t> farewell_;  ///< id of the last messages, in flight
-  std::set<std::string> refusals_;         ///< logged in this connection
+  std::set<std::string> refusals_;  ///< logged in this connection
 };
 
 }  // namespace fxagent

@@ -57,21 +57,21 @@ class PlainProfile::History final : public SampleHistory {
   std::map<std::string, std::string> lists_;  ///< by tag
 };
 
-PlainProfile::PlainProfile(const Config& config, const ProfileConfig& profile, TakeOrder take_order,
+PlainProfile::PlainProfile(const Config& config, const ProfileConfig& profile, RelayCommand relay,
                            std::function<std::string()> new_id)
     : config_(config),
       name_(name_of(profile)),
       broker_(profile.broker),
       topics_(PlainTopic::parse(profile.topic, config.root, config.id).value()),
       state_topic_(config.base_topic() + "/plain"),
-      take_order_(std::move(take_order)),
+      relay_(std::move(relay)),
       new_id_(std::move(new_id)) {
   find_writable();
 }
 
 void PlainProfile::find_writable() {
   writable_.clear();
-  if (!take_order_) return;
+  if (!relay_) return;
   for (const DeviceConfig& device : config_.devices)
     for (const TagConfig& tag : device.tags) {
       if (!tag.writable) continue;
@@ -82,7 +82,7 @@ void PlainProfile::find_writable() {
 }
 
 std::vector<Subscription> PlainProfile::subscriptions() const {
-  if (!take_order_) return {};
+  if (!relay_) return {};
   return {{topics_.filter() + std::string(kSet), /*no_local=*/true}};
 }
 
@@ -124,17 +124,17 @@ void PlainProfile::hear(const Message& message) {
   if (found == writable_.end())
     return ignore_command(message, "no tag with access: read_write has this topic");
   const auto& [device, tag] = found->second;
-  Order order = order_of(message, device, name_);
-  order.tell = [this, topic](const std::string& result) {
+  RelayedCommand command = relayed_command(message, device, name_);
+  command.reply = [this, topic](const std::string& result) {
     due_.push_back({.topic = topic + "/result", .payload = result});
   };
   // Text that is not JSON becomes a string, which a number's tag refuses with a reason. The library
   // would read a NUL as the end of the text.
   const bool is_json =
       message.payload.find('\0') == std::string::npos && nlohmann::json::accept(message.payload);
-  order.payload = write_command(
+  command.payload = write_command(
       new_id_(), tag, is_json ? message.payload : json::Writer().string(message.payload).take());
-  take_order_(std::move(order));
+  relay_(std::move(command));
 }
 
 void PlainProfile::change(const ConfigChange& change) {

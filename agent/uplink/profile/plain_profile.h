@@ -19,9 +19,9 @@ namespace fxagent {
 
 class PlainProfile final : public Profile {
  public:
-  /// `config` outlives it. `take_order` is empty if the broker may not send commands. `new_id`
+  /// `config` outlives it. `relay` is empty if the broker may not send commands. `new_id`
   /// returns an id for a command, each time another one.
-  PlainProfile(const Config& config, const ProfileConfig& profile, TakeOrder take_order,
+  PlainProfile(const Config& config, const ProfileConfig& profile, RelayCommand relay,
                std::function<std::string()> new_id);
 
   Publication last_will() override { return retained(state_topic_, R"("offline")"); }
@@ -49,7 +49,7 @@ class PlainProfile final : public Profile {
   const std::string broker_;
   const PlainTopic topics_;
   const std::string state_topic_;
-  const TakeOrder take_order_;
+  const RelayCommand relay_;
   const std::function<std::string()> new_id_;
   /// Device and tag by topic, of the tags that may be written.
   std::unordered_map<std::string, std::pair<std::string, std::string>> writable_;

@@ -18,11 +18,11 @@ bool is_for_link(const Config& config, const Message& message, std::string_view 
   return true;
 }
 
-Order order_of(const Message& message, std::string device, std::string sender) {
-  Order order{static_cast<const MessageProperties&>(message), std::move(device), {}};
-  order.sender = std::move(sender);
-  order.response_topic.clear();  // the result goes where the profile says
-  return order;
+RelayedCommand relayed_command(const Message& message, std::string device, std::string sender) {
+  RelayedCommand command{static_cast<const MessageProperties&>(message), std::move(device), {}};
+  command.sender = std::move(sender);
+  command.response_topic.clear();  // the result goes where the profile says
+  return command;
 }
 
 std::string write_command(std::string_view id, std::string_view tag, std::string_view value) {

@@ -19,7 +19,7 @@
 namespace fxagent {
 
 /// Takes a command that a profile has heard.
-using TakeOrder = std::function<void(Order order)>;
+using RelayCommand = std::function<void(RelayedCommand command)>;
 
 /// Uplink thread only.
 class Profile : public SamplePayload {
@@ -69,9 +69,9 @@ void ignore_command(const Message& message, const std::string& note);
 /// only.
 bool is_for_link(const Config& config, const Message& message, std::string_view name);
 
-/// Returns the order for a device, with the properties of the message and without its payload.
+/// Returns the command for a device, with the properties of the message and without its payload.
 /// `sender` is for the audit.
-Order order_of(const Message& message, std::string device, std::string sender);
+RelayedCommand relayed_command(const Message& message, std::string device, std::string sender);
 
 /// Returns the command that writes `value`, which is JSON, to a tag.
 std::string write_command(std::string_view id, std::string_view tag, std::string_view value);

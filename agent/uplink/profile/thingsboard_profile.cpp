@@ -206,11 +206,11 @@ std::optional<std::string> command_of(const nlohmann::json& data, const std::str
 // ---- session ------------------------------------------------------------------------------------
 
 ThingsBoardProfile::ThingsBoardProfile(const Config& config, const ProfileConfig& profile,
-                                       TakeOrder take_order, std::function<std::string()> new_id)
+                                       RelayCommand relay, std::function<std::string()> new_id)
     : config_(config),
       name_(name_of(profile)),
       deadline_(profile.deadline),
-      take_order_(std::move(take_order)),
+      relay_(std::move(relay)),
       new_id_(std::move(new_id)),
       states_(config.devices.size()),
       devices_(config.devices.size()) {
@@ -225,7 +225,7 @@ void ThingsBoardProfile::prepare(std::uint32_t index) {
 }
 
 std::vector<Subscription> ThingsBoardProfile::subscriptions() const {
-  if (!take_order_) return {};
+  if (!relay_) return {};
   return {{std::string(kRpcTopic), /*no_local=*/true}};
 }
 
@@ -351,7 +351,7 @@ std::shared_ptr<SampleHistory> ThingsBoardProfile::begin_history(std::size_t max
 // ---- commands -----------------------------------------------------------------------------------
 
 void ThingsBoardProfile::hear(const Message& message) {
-  if (!take_order_ || message.topic != kRpcTopic) return;
+  if (!relay_ || message.topic != kRpcTopic) return;
   const auto request = parse_request(message.payload);
   if (!request)
     return ignore_command(message, "it cannot be answered: not JSON, or no device or data.id");
@@ -360,21 +360,21 @@ void ThingsBoardProfile::hear(const Message& message) {
   if (const auto found = index_.find(request->device); found != index_.end())
     deadline = std::min<std::chrono::milliseconds>(
         deadline, config_.devices[found->second].commands.max_expiry);
-  Order order = order_of(message, request->device, name_);
-  order.tell = [this, device = request->device, id = request->id,
-                session = session_](const std::string& result) {
+  RelayedCommand command = relayed_command(message, request->device, name_);
+  command.reply = [this, device = request->device, id = request->id,
+                   session = session_](const std::string& result) {
     // A server that has restarted counts from 0 again: a late answer would be that to another one.
     if (session != session_) return;
     json::Writer out;
     out.begin_object().key("device").string(device).key("id").integer(id);
     answers_.push_back(message_on(kRpcTopic, out.key("data").raw(result).end_object().take()));
   };
-  std::optional<std::string> command;
+  std::optional<std::string> translated;
   if (!request->is_faulty)
-    command = command_of(request->data, new_id_(), message.received_ms + deadline.count());
+    translated = command_of(request->data, new_id_(), message.received_ms + deadline.count());
   // Admission refuses the message itself, which is no command, with its own words.
-  order.payload = command ? std::move(*command) : message.payload;
-  take_order_(std::move(order));
+  command.payload = translated ? std::move(*translated) : message.payload;
+  relay_(std::move(command));
 }
 
 }  // namespace fxagent

@@ -30,9 +30,9 @@ class ThingsBoardProfile final : public Profile {
   /// Last published reason of each tag; nullopt: it was good.
   using Reasons = std::map<std::string, std::optional<BadReason>, std::less<>>;
 
-  /// `config` outlives it. `take_order` is empty if the server may not send commands. `new_id`
+  /// `config` outlives it. `relay` is empty if the server may not send commands. `new_id`
   /// returns an id for a command, each time another one.
-  ThingsBoardProfile(const Config& config, const ProfileConfig& profile, TakeOrder take_order,
+  ThingsBoardProfile(const Config& config, const ProfileConfig& profile, RelayCommand relay,
                      std::function<std::string()> new_id);
 
   std::vector<Subscription> subscriptions() const override;
@@ -63,7 +63,7 @@ class ThingsBoardProfile final : public Profile {
   const Config& config_;
   const std::string name_;
   const std::chrono::milliseconds deadline_;
-  const TakeOrder take_order_;
+  const RelayCommand relay_;
   const std::function<std::string()> new_id_;
   DeviceStates states_;
   std::vector<Device> devices_;  ///< as in the config

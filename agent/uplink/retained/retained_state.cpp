@@ -146,8 +146,7 @@ void RetainedState::failed(const DeliveryFailed& event, SteadyTime now) {
   auto found = flights_.extract(event.id);
   if (found.empty()) return;  // of a removed device
   const Flight flight = std::move(found.mapped());
-  log::warn(event.reason_code != 0 ? "publish_refused" : "publish_failed",
-            {{"what", "state"}, {"code", hex_code(event.reason_code)}, {"reason", event.text}});
+  log_failed("state", event);
   if (is_final(event.reason_code)) return;
   due_.insert_or_assign(flight.key,
                         Due{now + backoff_.after(flight.failures), flight.failures + 1});

@@ -11,8 +11,8 @@ namespace {
 using std::chrono::seconds;
 
 constexpr seconds kNoAcknowledgement{30};  // a broker silent for this long is abandoned
-constexpr std::chrono::milliseconds kBetweenLooks{100};  // between checks of the connection
-constexpr seconds kLibraryForgot{1};                     // time for the library to report a loss
+constexpr std::chrono::milliseconds kBetweenChecks{100};  // between checks of the connection
+constexpr seconds kLibraryForgot{1};                      // time for the library to report a loss
 constexpr seconds kGoodbye{2};  // wait for Disconnected before connecting anyway
 
 }  // namespace
@@ -97,7 +97,7 @@ void Session::end(SteadyTime now) {
   listener_.connection_ended(now);
 }
 
-void Session::connect_anew(SteadyTime now) {
+void Session::reconnect_one_at_a_time(SteadyTime now) {
   log::warn(
       "broker_sends_too_far_ahead",
       {{"server", connects_.server()},
@@ -110,7 +110,7 @@ void Session::connect_anew(SteadyTime now) {
   act_at_ = now + kGoodbye;
 }
 
-void Session::begin_anew(SteadyTime now) {
+void Session::restart(SteadyTime now) {
   const bool was_connected = link_ == Link::connected;
   connects_.restart();
   last_failure_.clear();
@@ -133,11 +133,11 @@ void Session::go_to_next(SteadyTime now) {
   act_at_ = not_before_ = std::max(next, now + kGoodbye);
 }
 
-void Session::begin_end(SteadyTime now) {
+void Session::reconnect_if_leaving(SteadyTime now) {
   if (link_ == Link::leaving) connect(now);
 }
 
-void Session::give_up(SteadyTime now) {
+void Session::close(SteadyTime now) {
   if (link_ != Link::connected) broker_.disconnect(with_will_);
   end(now);
 }
@@ -153,8 +153,8 @@ void Session::watch(SteadyTime now) {
   }
   if (link_ != Link::connected) return down_since_.reset();
   // is_connected() takes a lock for which the library's threads wait, so it is called rarely.
-  if (!down_since_ && now < look_again_) return;
-  look_again_ = now + kBetweenLooks;
+  if (!down_since_ && now < check_at_) return;
+  check_at_ = now + kBetweenChecks;
   if (broker_.is_connected()) return down_since_.reset();
   if (!down_since_) down_since_ = now;
   if (now - *down_since_ >= kLibraryForgot) on(Lost{"found closed"}, now);

@@ -48,18 +48,20 @@ class Session final {
   /// Disconnects, and connects to the same server again with Receive Maximum 1. Messages received
   /// so far are answered. Messages queued at the broker are lost with the session, as with every
   /// loss.
-  void connect_anew(SteadyTime now);
+  void reconnect_one_at_a_time(SteadyTime now);
   /// Starts again with the first server. Leaves a server that is connected.
-  void begin_anew(SteadyTime now);
+  void restart(SteadyTime now);
   /// Leaves this server and connects to the next one, not before 2 s are over.
   void go_to_next(SteadyTime now);
-  /// Begins the shutdown. If the session is leaving, it connects again, so that the broker that it
-  /// has left also receives the final state.
-  void begin_end(SteadyTime now);
+  /// If the session is leaving a server, connects again at once: in a shutdown, that broker also
+  /// has to receive the final state.
+  void reconnect_if_leaving(SteadyTime now);
+  /// Closes the connection, in a shutdown; close() follows.
+  void disconnect() { broker_.disconnect(with_will_); }
   /// Completes the shutdown: publications not delivered yet stay undelivered.
-  void give_up(SteadyTime now);
+  void close(SteadyTime now);
 
-  /// The servers of the config have changed; begin_anew() follows.
+  /// The servers of the config have changed; restart() follows.
   void settings_changed() { connects_.settings_changed(); }
   const ConnectSchedule& connects() const { return connects_; }
 
@@ -69,8 +71,8 @@ class Session final {
   SteadyTime since() const { return is_connected() ? connected_at_ : lost_at_; }
   /// Reason of the last failure or loss; empty: connected, or never tried.
   const std::string& why_not_connected() const { return why_not_connected_; }
-  /// True if the session is neither connected nor on the way to it.
-  bool is_waiting() const { return link_ == Link::waiting; }
+  /// True if the session is neither connected nor trying to connect.
+  bool is_idle() const { return link_ == Link::waiting || link_ == Link::leaving; }
   /// True until the first attempt to connect has ended.
   bool is_starting() const { return starting_; }
   /// Receive Maximum sent to the broker: messages that it may send ahead of acknowledgements.
@@ -101,7 +103,7 @@ class Session final {
   std::string why_not_connected_;
   SteadyTime lost_at_{};
   SteadyTime connected_at_{};
-  SteadyTime look_again_{};               ///< next check that the connection still exists
+  SteadyTime check_at_{};                 ///< next check that the connection still exists
   std::optional<SteadyTime> down_since_;  ///< unreported: the library has no connection
   std::uint16_t receive_maximum_ = kReceiveMaximum;  ///< reset when a connection is lost
 };

@@ -1,40 +1,39 @@
-#include "agent/uplink/shutdown.h"
-
-#include <chrono>
-#include <utility>
+#include "agent/uplink/session/shutdown.h"
 
 namespace fxagent {
 namespace {
 
-constexpr std::chrono::seconds kDrainFor{3};
 constexpr std::chrono::seconds kFarewellFor{1};
 constexpr std::chrono::seconds kCloseFor{1};
 
 }  // namespace
 
-Farewell::Farewell(JsonPayload& payload, Outgoing& outgoing, std::function<std::int64_t()> utc_ms)
-    : payload_(payload), outgoing_(outgoing), utc_ms_(std::move(utc_ms)) {}
-
 void Farewell::say(SteadyTime now) {
+  outgoing_.drop_waiting();
+  by_ = now;
+  auto last = last_words_();
+  if (last.empty()) return;
   by_ = now + kFarewellFor;
-  outgoing_.send(*this, payload_.agent_offline(utc_ms_()));
+  outgoing_.send(*this, std::move(last));
 }
 
 void Farewell::delivered(std::uint64_t, SteadyTime now) {
   if (by_) by_ = now;
 }
 
-void Farewell::failed(const DeliveryFailed& event, SteadyTime now) { delivered(event.id, now); }
+void Farewell::failed(const DeliveryFailed& event, SteadyTime now) {
+  log_failed(what_, event);
+  delivered(event.id, now);
+}
 
 void Shutdown::begin(SteadyTime now) {
   phase_ = Phase::draining;
-  deadline_ = now + kDrainFor;
+  deadline_ = now + drain_for_;
   farewell_.withdraw();  // one for a broker that we leave, if any
-  session_.begin_end(now);
 }
 
 void Shutdown::step(bool drained, SteadyTime now) {
-  const bool over = now >= next_wake() || session_.is_waiting();
+  const bool over = now >= next_wake() || session_.is_idle();
   switch (phase_) {
     case Phase::running:
     case Phase::finished:
@@ -50,7 +49,7 @@ void Shutdown::step(bool drained, SteadyTime now) {
       if (!over) return;
       phase_ = Phase::closing;
       deadline_ = now + kCloseFor;
-      return broker_.disconnect();
+      return session_.disconnect();
     case Phase::closing:
       if (over) phase_ = Phase::finished;
       return;

@@ -1,52 +1,58 @@
-// The steps of a clean stop, and the agent's last word to a broker. Uplink thread. Time is an
+// The steps in which a session ends, and the last messages to its broker. Uplink thread. Time is an
 // argument.
 //
-// Draining: what is waiting is published for up to 3 s. Farewell: the agent's state becomes
-// offline. Closing: the connection is closed. Finished: nothing more is sent.
+// Draining: what is waiting is published. Farewell: the last messages. Closing: the connection is
+// closed. Finished: nothing more is sent.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <optional>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "agent/steady_time.h"
 #include "agent/uplink/broker.h"
 #include "agent/uplink/outgoing.h"
-#include "agent/uplink/payload/json_payload.h"
 #include "agent/uplink/session/session.h"
 
 namespace fxagent {
 
-/// The agent's last word to a broker, in a stop or when it is left for another one: the agent's
-/// retained state becomes offline.
+/// The last messages to a broker, in a stop or when it is left for another one.
 class Farewell final : private Outgoing::Sender {
  public:
-  /// All references outlive the object. `utc_ms` returns the current calendar time.
-  Farewell(JsonPayload& payload, Outgoing& outgoing, std::function<std::int64_t()> utc_ms);
+  /// `outgoing` outlives the object. `last_words` returns the messages; there may be none. `what`
+  /// names them in the log.
+  Farewell(Outgoing& outgoing, std::string what,
+           std::function<std::vector<Publication>()> last_words)
+      : outgoing_(outgoing), what_(std::move(what)), last_words_(std::move(last_words)) {}
 
-  /// Publishes the offline state. The broker has 1 s to acknowledge it.
+  /// Publishes the messages in place of all that waits for room. The broker has 1 s to acknowledge
+  /// them.
   void say(SteadyTime now);
   /// Ends the wait for the acknowledgement.
   void withdraw() { by_.reset(); }
   /// Returns the deadline of the broker's acknowledgement: now or earlier if it has been
-  /// acknowledged or refused. nullopt: nothing was said, or it was withdrawn.
+  /// acknowledged or refused, or is not needed. nullopt: nothing was said, or it was withdrawn.
   std::optional<SteadyTime> by() const { return by_; }
 
  private:
   void delivered(std::uint64_t id, SteadyTime now) override;
   void failed(const DeliveryFailed& event, SteadyTime now) override;
 
-  JsonPayload& payload_;
   Outgoing& outgoing_;
-  const std::function<std::int64_t()> utc_ms_;
+  const std::string what_;
+  const std::function<std::vector<Publication>()> last_words_;
   std::optional<SteadyTime> by_;
 };
 
 class Shutdown final {
  public:
-  /// All references outlive the object.
-  Shutdown(Broker& broker, Session& session, Farewell& farewell)
-      : broker_(broker), session_(session), farewell_(farewell) {}
+  /// All references outlive the object. `drain_for` is the longest time for draining.
+  Shutdown(Session& session, Farewell& farewell, std::chrono::seconds drain_for)
+      : session_(session), farewell_(farewell), drain_for_(drain_for) {}
 
   /// Begins. Call once.
   void begin(SteadyTime now);
@@ -66,9 +72,9 @@ class Shutdown final {
  private:
   enum class Phase : std::uint8_t { running, draining, farewell, closing, finished };
 
-  Broker& broker_;
   Session& session_;
   Farewell& farewell_;
+  const std::chrono::seconds drain_for_;
   Phase phase_ = Phase::running;
   SteadyTime deadline_{};  ///< of draining and closing
 };

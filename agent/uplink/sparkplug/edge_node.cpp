@@ -53,12 +53,12 @@ void PrimaryHost::set(bool online, std::int64_t timestamp) {
 // ---- session ------------------------------------------------------------------------------------
 
 EdgeNode::EdgeNode(const Config& config, const ProfileConfig& profile, const std::string& version,
-                   PrimaryHost host, TakeOrder take_order, std::function<std::int64_t()> utc_ms)
+                   PrimaryHost host, RelayCommand relay, std::function<std::int64_t()> utc_ms)
     : config_(config),
       name_(name_of(profile)),
       prefix_(version + "/" + profile.group + "/"),
       node_(profile.node),
-      take_order_(std::move(take_order)),
+      relay_(std::move(relay)),
       utc_ms_(std::move(utc_ms)),
       broker_(profile.broker),
       host_(std::move(host)),

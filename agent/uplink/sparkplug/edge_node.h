@@ -77,7 +77,7 @@ class EdgeNode : public Profile {
   /// `config` outlives it. `version` is the first level of its topics; `utc_ms` returns the current
   /// calendar time.
   EdgeNode(const Config& config, const ProfileConfig& profile, const std::string& version,
-           PrimaryHost host, TakeOrder take_order, std::function<std::int64_t()> utc_ms);
+           PrimaryHost host, RelayCommand relay, std::function<std::int64_t()> utc_ms);
 
   /// Returns the message of this type; `device` is empty for those of the node.
   Publication message(std::string_view type, const std::string& device, std::string payload) const;
@@ -112,7 +112,7 @@ class EdgeNode : public Profile {
   const std::string name_;
   const std::string prefix_;  ///< "{version}/{group}/"
   const std::string node_;
-  const TakeOrder take_order_;
+  const RelayCommand relay_;
   const std::function<std::int64_t()> utc_ms_;
 
  private:

@@ -156,10 +156,9 @@ class TagFinder final {
 }  // namespace
 
 SparkplugProfile::SparkplugProfile(const Config& config, const ProfileConfig& profile,
-                                   TakeOrder take_order, std::function<std::string()> new_id,
+                                   RelayCommand relay, std::function<std::string()> new_id,
                                    std::function<std::int64_t()> utc_ms)
-    : EdgeNode(config, profile, "spBv1.0", host_of(profile), std::move(take_order),
-               std::move(utc_ms)),
+    : EdgeNode(config, profile, "spBv1.0", host_of(profile), std::move(relay), std::move(utc_ms)),
       new_id_(std::move(new_id)),
       devices_(config.devices.size()) {
   for (std::uint32_t i = 0; i < devices_.size(); ++i) prepare(i);
@@ -413,7 +412,7 @@ void SparkplugProfile::hear_device_command(const Message& message, const std::st
                                   ? "no metric " + log::excerpt(metric.name())
                                   : "no metric with alias " + std::to_string(metric.alias()));
     } else if (*tag < config.tags.size()) {
-      place_order(message, *index, *tag, metric);
+      relay_write(message, *index, *tag, metric);
     } else if (message.retained || !metric.boolean_value()) {
       ignore_command(message, std::string(kDeviceRebirth) + " must be true, and not retained");
     } else {
@@ -423,16 +422,16 @@ void SparkplugProfile::hear_device_command(const Message& message, const std::st
 }
 
 /// Each metric becomes one command with one result.
-void SparkplugProfile::place_order(const Message& message, std::uint32_t device, std::size_t tag,
+void SparkplugProfile::relay_write(const Message& message, std::uint32_t device, std::size_t tag,
                                    const Metric& metric) {
-  if (!take_order_)
+  if (!relay_)
     return ignore_command(message, "this broker may not send commands: brokers[].commands");
   const DeviceConfig& config = config_.devices[device];
   const auto value = json_of(metric, sparkplug::type_of(config.tags[tag].point));
   if (!value) return ignore_command(message, "a metric without a value that its tag can have");
-  Order order = order_of(message, config.name, name_);
-  order.payload = write_command(new_id_(), config.tags[tag].name, *value);
-  take_order_(std::move(order));
+  RelayedCommand command = relayed_command(message, config.name, name_);
+  command.payload = write_command(new_id_(), config.tags[tag].name, *value);
+  relay_(std::move(command));
 }
 
 }  // namespace fxagent

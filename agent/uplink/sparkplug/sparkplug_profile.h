@@ -26,10 +26,10 @@ class Packet;
 
 class SparkplugProfile final : public sparkplug::EdgeNode {
  public:
-  /// `config` outlives it. `take_order` is empty if the broker may not send commands; rebirths may
+  /// `config` outlives it. `relay` is empty if the broker may not send commands; rebirths may
   /// be asked for all the same. `new_id` returns an id for a command, each time another one;
   /// `utc_ms` the current calendar time.
-  SparkplugProfile(const Config& config, const ProfileConfig& profile, TakeOrder take_order,
+  SparkplugProfile(const Config& config, const ProfileConfig& profile, RelayCommand relay,
                    std::function<std::string()> new_id, std::function<std::int64_t()> utc_ms);
 
   std::vector<Subscription> subscriptions() const override;
@@ -73,7 +73,7 @@ class SparkplugProfile final : public sparkplug::EdgeNode {
 
   void hear_node_command(const Message& message);
   void hear_device_command(const Message& message, const std::string& device);
-  void place_order(const Message& message, std::uint32_t device, std::size_t tag,
+  void relay_write(const Message& message, std::uint32_t device, std::size_t tag,
                    const sparkplug::Metric& metric);
 
   const std::function<std::string()> new_id_;

@@ -174,11 +174,10 @@ std::string id_of(const std::string& source, const std::string& correlation_id) 
 }  // namespace
 
 TypedCommandsProfile::TypedCommandsProfile(const Config& config, const ProfileConfig& profile,
-                                           TakeOrder take_order,
-                                           std::function<std::int64_t()> utc_ms)
+                                           RelayCommand relay, std::function<std::int64_t()> utc_ms)
     : EdgeNode(config, profile, "spCv1.0",
                {profile.host.empty() ? "" : "spCv1.0/STATE/" + profile.host, /*old_state=*/false},
-               std::move(take_order), std::move(utc_ms)) {}
+               std::move(relay), std::move(utc_ms)) {}
 
 // ---- session ------------------------------------------------------------------------------------
 
@@ -396,10 +395,10 @@ void TypedCommandsProfile::carry_out(const Message& message, const std::string& 
   // Admission refuses an argument that is no key of a command, and a value that is missing.
   for (const Metric& argument : metric.command().arguments())
     command.key(argument.name()).raw(json_of(argument, request.type.value_or(Type::string)));
-  Order order = order_of(message, device, name_ + "/" + log::excerpt(source));
-  order.payload = command.end_object().take();
-  order.tell = [this, request](const std::string& result) { answer(request, result); };
-  take_order_(std::move(order));
+  RelayedCommand relayed = relayed_command(message, device, name_ + "/" + log::excerpt(source));
+  relayed.payload = command.end_object().take();
+  relayed.reply = [this, request](const std::string& result) { answer(request, result); };
+  relay_(std::move(relayed));
 }
 
 }  // namespace fxagent

@@ -29,7 +29,7 @@ class Packet;
 class TypedCommandsProfile final : public sparkplug::EdgeNode {
  public:
   /// `config` outlives it. `utc_ms` returns the current calendar time.
-  TypedCommandsProfile(const Config& config, const ProfileConfig& profile, TakeOrder take_order,
+  TypedCommandsProfile(const Config& config, const ProfileConfig& profile, RelayCommand relay,
                        std::function<std::int64_t()> utc_ms);
 
   std::vector<Subscription> subscriptions() const override;

@@ -1,4 +1,4 @@
-#include "agent/http/page_orders.h"
+#include "agent/http/page_commands.h"
 
 #include <gtest/gtest.h>
 
@@ -14,17 +14,17 @@ using namespace test;
 constexpr std::string_view kCommand =
     R"({"device":"press1","id":"a","op":"read","tag":"temp","by":"eve"})";
 
-struct PageOrdersTest : testing::Test {
-  PageOrdersTest() {
+struct PageCommandsTest : testing::Test {
+  PageCommandsTest() {
     std::ofstream file(scratch_.path("token"));
     file << "# people\n\nanna  0123456789abcdef\nsecret-without-name\r\n";
   }
 
-  PageOrders& orders() {
-    if (!orders_)
-      orders_.emplace(scratch_.path("token"),
-                      [this](Order order) { placed_.push_back(std::move(order)); });
-    return *orders_;
+  PageCommands& commands() {
+    if (!commands_)
+      commands_.emplace(scratch_.path("token"),
+                        [this](RelayedCommand command) { placed_.push_back(std::move(command)); });
+    return *commands_;
   }
   static HttpRequest request() {
     HttpRequest request;
@@ -40,54 +40,54 @@ struct PageOrdersTest : testing::Test {
   }
   /// Returns the status of the refusal; 0: the command was placed.
   unsigned refused(const HttpRequest& of) {
-    const auto answer = orders().place(of);
+    const auto answer = commands().place(of);
     return answer ? answer->status : 0;
   }
 
   const Scratch scratch_;
-  std::vector<Order> placed_;
-  std::optional<PageOrders> orders_;
+  std::vector<RelayedCommand> placed_;
+  std::optional<PageCommands> commands_;
 };
 
-TEST_F(PageOrdersTest, CommandIsPlacedAndItsResultComesBack) {
+TEST_F(PageCommandsTest, CommandIsPlacedAndItsResultComesBack) {
   ASSERT_EQ(refused(request()), 0U);
   ASSERT_EQ(placed_.size(), 1U);
   EXPECT_EQ(placed_[0].device, "press1");
   EXPECT_EQ(placed_[0].payload, R"({"id":"a","op":"read","tag":"temp","by":"eve"})");
   EXPECT_EQ(placed_[0].sender, "page:anna");
-  EXPECT_TRUE(orders().take_results().empty());
-  placed_[0].tell("{}");
-  const auto results = orders().take_results();
+  EXPECT_TRUE(commands().take_results().empty());
+  placed_[0].reply("{}");
+  const auto results = commands().take_results();
   ASSERT_EQ(results.size(), 1U);
   EXPECT_EQ(results[0].number, 7U);
   EXPECT_EQ(results[0].text, "{}\n");
-  EXPECT_TRUE(orders().take_results().empty());
+  EXPECT_TRUE(commands().take_results().empty());
 }
 
-TEST_F(PageOrdersTest, ResultMayComeAfterTheEnd) {
+TEST_F(PageCommandsTest, ResultMayComeAfterTheEnd) {
   ASSERT_EQ(refused(request()), 0U);
-  orders_.reset();
-  placed_[0].tell("{}");
+  commands_.reset();
+  placed_[0].reply("{}");
 }
 
-TEST_F(PageOrdersTest, TokenWithoutNameLeavesTheNameToTheCommand) {
+TEST_F(PageCommandsTest, TokenWithoutNameLeavesTheNameToTheCommand) {
   HttpRequest one = request();
   one.authorization = "Bearer secret-without-name";
   ASSERT_EQ(refused(one), 0U);
   EXPECT_EQ(placed_[0].sender, "page:eve");
 }
 
-TEST_F(PageOrdersTest, WithoutATokenFileThePageIsReadOnly) {
-  PageOrders none("", [](const Order&) { FAIL(); });
+TEST_F(PageCommandsTest, WithoutATokenFileThePageIsReadOnly) {
+  PageCommands none("", [](const RelayedCommand&) { FAIL(); });
   EXPECT_EQ(none.place(request())->status, 403U);
 }
 
-TEST_F(PageOrdersTest, UnreadableTokenFileRefusesAll) {
-  PageOrders none(scratch_.path("missing"), [](const Order&) { FAIL(); });
+TEST_F(PageCommandsTest, UnreadableTokenFileRefusesAll) {
+  PageCommands none(scratch_.path("missing"), [](const RelayedCommand&) { FAIL(); });
   EXPECT_EQ(none.place(request())->status, 503U);
 }
 
-TEST_F(PageOrdersTest, OnlyAWholeTokenCounts) {
+TEST_F(PageCommandsTest, OnlyAWholeTokenCounts) {
   for (const std::string_view given :
        {"", "Bearer", "Bearer ", "Bearer 0123456789abcde", "Bearer 0123456789abcdef0",
         "bearer 0123456789abcdef", "Basic 0123456789abcdef", "Bearer anna", "Bearer #",
@@ -98,7 +98,7 @@ TEST_F(PageOrdersTest, OnlyAWholeTokenCounts) {
   }
 }
 
-TEST_F(PageOrdersTest, OtherSitesAreRefused) {
+TEST_F(PageCommandsTest, OtherSitesAreRefused) {
   for (const std::string_view origin :
        {"http://evil.example", "http://127.0.0.1:9999", "http://127.0.0.1", "null",
         "http://127.0.0.1:8080.evil.example", "127.0.0.1:8080"}) {
@@ -117,7 +117,7 @@ TEST_F(PageOrdersTest, OtherSitesAreRefused) {
   EXPECT_EQ(refused(script), 0U);
 }
 
-TEST_F(PageOrdersTest, FormsAreRefused) {
+TEST_F(PageCommandsTest, FormsAreRefused) {
   for (const std::string_view type : {"", "text/plain", "application/x-www-form-urlencoded",
                                       "multipart/form-data; boundary=application/json"}) {
     HttpRequest one = request();
@@ -129,7 +129,7 @@ TEST_F(PageOrdersTest, FormsAreRefused) {
   EXPECT_EQ(refused(one), 0U);
 }
 
-TEST_F(PageOrdersTest, OnlyTheDeviceIsTakenOutOfTheCommand) {
+TEST_F(PageCommandsTest, OnlyTheDeviceIsTakenOutOfTheCommand) {
   const std::vector<std::pair<std::string, std::string>> cases{
       {R"({"device":"a"})", "{}"},
       {R"({ "device" : "a" , "id":"x"})", R"({  "id":"x"})"},
@@ -149,7 +149,7 @@ TEST_F(PageOrdersTest, OnlyTheDeviceIsTakenOutOfTheCommand) {
   }
 }
 
-TEST_F(PageOrdersTest, BodyMustNameItsDevice) {
+TEST_F(PageCommandsTest, BodyMustNameItsDevice) {
   const std::string deep(60'000, '[');
   for (const std::string_view body :
        {std::string_view(""), std::string_view("[]"), std::string_view("{"),

@@ -11,7 +11,7 @@ namespace fxagent {
 namespace {
 
 using std::chrono::milliseconds;
-using Order = PairState::Order;
+using Action = PairState::Action;
 
 constexpr milliseconds kQuiet{1200};
 constexpr BootTime kStart = std::chrono::hours(1);
@@ -23,9 +23,9 @@ struct Gateway {
   explicit Gateway(const std::string& member = "a", const std::string& boot = "boot-a")
       : peers({member, boot, kQuiet}), state(kQuiet, peers) {}
 
-  bool steps(int ms, Order wanted) {
-    const auto orders = state.step(at(ms));
-    return std::ranges::find(orders, wanted) != orders.end();
+  bool steps(int ms, Action wanted) {
+    const auto actions = state.step(at(ms));
+    return std::ranges::find(actions, wanted) != actions.end();
   }
   /// Claims at `ms`; its first heartbeat is acknowledged at once.
   void claim(int ms) {
@@ -52,11 +52,11 @@ struct JoinedGateway : Gateway {
 
 TEST(PairState, StatusThatIsRepeatedIsNotAnswered) {
   JoinedGateway a;
-  EXPECT_TRUE(a.steps(0, Order::publish_status));
+  EXPECT_TRUE(a.steps(0, Action::publish_status));
   a.state.heard({.member = "b", .boot = "boot-b", .role = "standby"}, at(10));
-  EXPECT_TRUE(a.steps(10, Order::publish_status)) << "the first one: it may have missed ours";
+  EXPECT_TRUE(a.steps(10, Action::publish_status)) << "the first one: it may have missed ours";
   a.state.heard({.member = "b", .boot = "boot-b", .role = "standby"}, at(20));
-  EXPECT_FALSE(a.steps(20, Order::publish_status)) << "the two would answer each other forever";
+  EXPECT_FALSE(a.steps(20, Action::publish_status)) << "the two would answer each other forever";
 }
 
 TEST(PairState, GatewayWhoseSessionBeganAnewIsThereAgain) {
@@ -71,31 +71,32 @@ TEST(PairState, GatewayWhoseSessionBeganAnewIsThereAgain) {
 TEST(PairState, StatusNamesThePeerUntilItHasEnded) {
   JoinedGateway a;
   a.state.heard({.member = "b", .boot = "boot-b", .role = "standby"}, at(10));
-  EXPECT_TRUE(a.steps(10, Order::publish_status));
+  EXPECT_TRUE(a.steps(10, Action::publish_status));
   a.state.heard({.member = "b", .boot = "boot-b", .role = "offline"}, at(20));
-  EXPECT_TRUE(a.steps(20, Order::publish_status));
+  EXPECT_TRUE(a.steps(20, Action::publish_status));
   a.state.heard({.member = "b", .boot = "boot-b", .role = "offline"}, at(30));
-  EXPECT_FALSE(a.steps(30, Order::publish_status)) << "nothing has changed";
+  EXPECT_FALSE(a.steps(30, Action::publish_status)) << "nothing has changed";
 }
 
 TEST(PairState, PeerThatIsThereHasTimeToAnswer) {
   Gateway a;
-  EXPECT_FALSE(a.peers.knows_peer(at(5000)));
+  EXPECT_FALSE(a.peers.has_listened(at(5000)));
   a.peers.joined(at(0));
-  EXPECT_FALSE(a.peers.knows_peer(at(1199)));
-  EXPECT_TRUE(a.peers.knows_peer(at(1200)));
+  EXPECT_FALSE(a.peers.has_listened(at(1199)));
+  EXPECT_TRUE(a.peers.has_listened(at(1200)));
   a.peers.left(false);
-  EXPECT_FALSE(a.peers.knows_peer(at(5000))) << "its own session has ended, not that of the other";
+  EXPECT_FALSE(a.peers.has_listened(at(5000)))
+      << "its own session has ended, not that of the other";
 }
 
 TEST(PairState, GatewayAloneClaimsAfterHalfTheSilence) {
   Gateway a;
-  EXPECT_FALSE(a.steps(0, Order::connect_lease)) << "it has not joined";
+  EXPECT_FALSE(a.steps(0, Action::connect_lease)) << "it has not joined";
   a.peers.joined(at(0));
-  EXPECT_FALSE(a.steps(599, Order::connect_lease));
+  EXPECT_FALSE(a.steps(599, Action::connect_lease));
   EXPECT_EQ(a.state.next_wake(), at(600));
-  EXPECT_TRUE(a.steps(600, Order::connect_lease));
-  EXPECT_FALSE(a.steps(601, Order::connect_lease)) << "once";
+  EXPECT_TRUE(a.steps(600, Action::connect_lease));
+  EXPECT_FALSE(a.steps(601, Action::connect_lease)) << "once";
 }
 
 TEST(PairState, FirstRequestComesAfterTheSilence) {
@@ -140,8 +141,8 @@ TEST(PairState, LongerSettingOfTheOtherCountsAndIsNamed) {
             "wait for the longer one");
   b.peers.heard_heartbeat("a", "boot-a", 5, at(0));
   // Half of 2400 ms, and a quarter more after the start, because its name is the higher one.
-  EXPECT_FALSE(b.steps(1799, Order::connect_lease));
-  EXPECT_TRUE(b.steps(1800, Order::connect_lease));
+  EXPECT_FALSE(b.steps(1799, Action::connect_lease));
+  EXPECT_TRUE(b.steps(1800, Action::connect_lease));
   b.claim(1800);
   EXPECT_EQ(b.state.opens_at(), at(1800 + 2400)) << "member a may send for 1200 ms";
   EXPECT_EQ(b.state.holds_until(), at(1800 + 600));
@@ -159,9 +160,9 @@ TEST(PairState, StandbyWaitsWhileTheHolderIsHeard) {
   JoinedGateway b("b", "boot-b");
   for (int ms = 0; ms < 5000; ms += 200) {
     b.peers.heard_heartbeat("a", "boot-a", 5, at(ms));
-    EXPECT_FALSE(b.steps(ms + 199, Order::connect_lease)) << ms;
+    EXPECT_FALSE(b.steps(ms + 199, Action::connect_lease)) << ms;
   }
-  EXPECT_TRUE(b.steps(4800 + 600, Order::connect_lease));
+  EXPECT_TRUE(b.steps(4800 + 600, Action::connect_lease));
   EXPECT_EQ(b.peers.highest_seq(), 5U);
 }
 
@@ -170,10 +171,10 @@ TEST(PairState, StandbyClaimsAtOnceWhenTheHolderHasEnded) {
   b.state.heard({"a", "boot-a", "active"}, at(0));
   b.peers.heard_heartbeat("a", "boot-a", 0, at(5000));
   b.state.heard({"a", "boot-a", "offline"}, at(5010));
-  EXPECT_TRUE(b.steps(5010, Order::connect_lease));
+  EXPECT_TRUE(b.steps(5010, Action::connect_lease));
   b.state.lease_ended(false, at(5020));
   b.peers.heard_heartbeat("a", "boot-a", 0, at(5021));  // was on its way
-  EXPECT_TRUE(b.steps(5620, Order::connect_lease)) << "a boot that has ended holds nothing";
+  EXPECT_TRUE(b.steps(5620, Action::connect_lease)) << "a boot that has ended holds nothing";
 }
 
 TEST(PairState, LoserIsStandbyAndDoesNotThrash) {
@@ -186,7 +187,7 @@ TEST(PairState, LoserIsStandbyAndDoesNotThrash) {
   EXPECT_EQ(a.state.role(), PairRole::standby);
   EXPECT_EQ(a.state.holds_until(), BootTime{});
   EXPECT_EQ(a.state.why(), "the other gateway has claimed the pair");
-  EXPECT_FALSE(a.steps(3499, Order::connect_lease));
+  EXPECT_FALSE(a.steps(3499, Action::connect_lease));
   a.state.heartbeat_acknowledged(a.id);
   EXPECT_EQ(a.state.holds_until(), BootTime{}) << "a late acknowledgement permits nothing";
 }
@@ -195,19 +196,19 @@ TEST(PairState, BrokerThatAcknowledgesNothingIsLeft) {
   JoinedGateway a;
   a.claim(1000);
   a.beat(2200);
-  EXPECT_FALSE(a.steps(2800 + 2399, Order::drop_lease));
-  EXPECT_TRUE(a.steps(2800 + 2400, Order::drop_lease));
-  EXPECT_FALSE(a.steps(2800 + 2401, Order::drop_lease)) << "once";
+  EXPECT_FALSE(a.steps(2800 + 2399, Action::drop_lease));
+  EXPECT_TRUE(a.steps(2800 + 2400, Action::drop_lease));
+  EXPECT_FALSE(a.steps(2800 + 2401, Action::drop_lease)) << "once";
 }
 
 TEST(PairState, FailedClaimsGrowApart) {
   JoinedGateway a;
-  ASSERT_TRUE(a.steps(600, Order::connect_lease));
+  ASSERT_TRUE(a.steps(600, Action::connect_lease));
   int now = 600;
   for (const int wait : {600, 1200, 2400, 4800, 9600, 9600}) {
     a.state.lease_ended(false, at(now));
-    EXPECT_FALSE(a.steps(now + wait - 1, Order::connect_lease)) << wait;
-    EXPECT_TRUE(a.steps(now + wait, Order::connect_lease)) << wait;
+    EXPECT_FALSE(a.steps(now + wait - 1, Action::connect_lease)) << wait;
+    EXPECT_TRUE(a.steps(now + wait, Action::connect_lease)) << wait;
     now += wait;
   }
 }
@@ -215,7 +216,7 @@ TEST(PairState, FailedClaimsGrowApart) {
 TEST(PairState, WithoutItsMemberSessionAGatewayClaimsNothing) {
   JoinedGateway a;
   a.peers.left(false);
-  EXPECT_FALSE(a.steps(100000, Order::connect_lease));
+  EXPECT_FALSE(a.steps(100000, Action::connect_lease));
   EXPECT_EQ(a.peers.take_fault().text, "");
 }
 
@@ -225,9 +226,9 @@ TEST(PairState, LowerNameClaimsFirstIfBothStart) {
   for (Gateway* each : {&a, &b}) each->peers.joined(at(0));
   a.state.heard({"b", "boot-b", "standby"}, at(1));
   b.state.heard({"a", "boot-a", "standby"}, at(1));
-  EXPECT_TRUE(a.steps(600, Order::connect_lease));
-  EXPECT_FALSE(b.steps(600, Order::connect_lease));
-  EXPECT_TRUE(b.steps(900, Order::connect_lease)) << "if the other one does not";
+  EXPECT_TRUE(a.steps(600, Action::connect_lease));
+  EXPECT_FALSE(b.steps(600, Action::connect_lease));
+  EXPECT_TRUE(b.steps(900, Action::connect_lease)) << "if the other one does not";
 }
 
 TEST(PairState, ThirdGatewayIsNamedAndNeverClaims) {
@@ -237,10 +238,10 @@ TEST(PairState, ThirdGatewayIsNamedAndNeverClaims) {
   EXPECT_TRUE(c.peers.is_third());
   EXPECT_NE(c.peers.take_fault().text.find("a, b"), std::string::npos);
   EXPECT_EQ(c.peers.take_fault().text, "") << "once";
-  EXPECT_FALSE(c.steps(60000, Order::connect_lease));
+  EXPECT_FALSE(c.steps(60000, Action::connect_lease));
   c.state.heard({"a", "boot-a", "offline"}, at(60001));
   EXPECT_FALSE(c.peers.is_third()) << "it is the second now";
-  EXPECT_FALSE(c.steps(61100, Order::connect_lease)) << "the other one of the pair goes first";
+  EXPECT_FALSE(c.steps(61100, Action::connect_lease)) << "the other one of the pair goes first";
 }
 
 TEST(PairState, MembersOfAPairStayWhatTheyAreWhenAThirdOneComes) {
@@ -253,7 +254,7 @@ TEST(PairState, MembersOfAPairStayWhatTheyAreWhenAThirdOneComes) {
   EXPECT_NE(b.peers.take_fault().text.find("0, a"), std::string::npos);
   b.state.heard({"0", "boot-0", "standby", true}, at(10001));
   b.state.heard({"a", "boot-a", "offline"}, at(10002));
-  EXPECT_TRUE(b.steps(10002, Order::connect_lease));
+  EXPECT_TRUE(b.steps(10002, Action::connect_lease));
 }
 
 TEST(PairState, TwoGatewaysOfOneNameAreNamed) {
@@ -416,9 +417,9 @@ class RandomPair final {
       if (member.lease_known) state.heartbeat_acknowledged(each.second);
       return true;
     });
-    for (const Order order : state.step(at(now_))) {
-      if (order == Order::connect_lease && cut) state.lease_ended(false, at(now_));
-      if (order == Order::connect_lease && !cut) {
+    for (const Action action : state.step(at(now_))) {
+      if (action == Action::connect_lease && cut) state.lease_ended(false, at(now_));
+      if (action == Action::connect_lease && !cut) {
         other(member).lease = false;
         member.lease = member.lease_known = true;
         member.acknowledgements.clear();
@@ -426,7 +427,7 @@ class RandomPair final {
         state.agent_began();
         ++changes_;
       }
-      if (order == Order::send_heartbeat) {
+      if (action == Action::send_heartbeat) {
         const std::uint64_t id = ++ids_;
         state.heartbeat_sent(id, at(now_));
         if (!member.lease || cut) continue;

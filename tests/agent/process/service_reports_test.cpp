@@ -35,7 +35,7 @@ struct ServiceReportsTest : ::testing::Test {
   Texts told_until(std::chrono::seconds after_start) {
     Texts told;
     while (reports_->next() && *reports_->next() <= kStart + after_start) {
-      reports_->tell(*reports_->next());
+      reports_->keep(*reports_->next());
       for (const std::string& text : inbox_.all()) told.push_back(text);
     }
     return told;
@@ -134,18 +134,18 @@ TEST(ServiceReports, ARealThreadThatHangsFeedsNobody) {
   ServiceReports reports(signs, {[&] { signs.field_went_on(); }, [] { return std::string(); }},
                          kStart);
   wait_for_a_round();
-  reports.tell(kStart + 15s);
+  reports.keep(kStart + 15s);
   EXPECT_EQ(fed(inbox.all()), 1U);
   {
     const std::lock_guard stands_still(may_go);
-    reports.tell(kStart + 30s);  // for progress made earlier
+    reports.keep(kStart + 30s);  // for progress made earlier
     inbox.all();
-    reports.tell(kStart + 45s);
-    reports.tell(kStart + 60s);
+    reports.keep(kStart + 45s);
+    reports.keep(kStart + 60s);
     EXPECT_EQ(fed(inbox.all()), 0U);
   }
   wait_for_a_round();
-  reports.tell(kStart + 75s);
+  reports.keep(kStart + 75s);
   EXPECT_EQ(fed(inbox.all()), 1U);
   over = true;
 }

@@ -65,17 +65,17 @@ class Worker {
 
 struct ThreadProgressTest : testing::Test {
   /// Looks this many times, ten seconds apart.
-  std::string after(int looks, bool excused = false) {
-    for (int i = 0; i < looks; ++i) {
-      turns.look(now, excused);
-      now += ThreadProgress::kBetweenLooks;
+  std::string after(int checks, bool excused = false) {
+    for (int i = 0; i < checks; ++i) {
+      turns.check(now, excused);
+      now += ThreadProgress::kBetweenChecks;
     }
     return turns.stands_still();
   }
   /// Waits until the kernel has finished starting or waking the thread, and it waits permanently.
   void settle(const Worker& worker) {
     while (!worker.is_asleep()) std::this_thread::yield();
-    while (after(ThreadProgress::kLooks).empty()) std::this_thread::yield();
+    while (after(ThreadProgress::kChecks).empty()) std::this_thread::yield();
     turns = ThreadProgress(kName);
   }
 
@@ -86,7 +86,7 @@ struct ThreadProgressTest : testing::Test {
 TEST_F(ThreadProgressTest, AThreadThatIsNeverSwitchedStandsStillAndIsNamed) {
   Worker worker;
   settle(worker);
-  EXPECT_EQ(after(ThreadProgress::kLooks), "");
+  EXPECT_EQ(after(ThreadProgress::kChecks), "");
   EXPECT_EQ(after(1), kName);
   EXPECT_EQ(after(10), kName);
   worker.turn();
@@ -96,7 +96,7 @@ TEST_F(ThreadProgressTest, AThreadThatIsNeverSwitchedStandsStillAndIsNamed) {
 TEST_F(ThreadProgressTest, AThreadThatTakesATurnNowAndThenGoesOn) {
   Worker worker;
   for (int i = 0; i < 10; ++i) {
-    EXPECT_EQ(after(ThreadProgress::kLooks), "");
+    EXPECT_EQ(after(ThreadProgress::kChecks), "");
     worker.turn();
   }
 }
@@ -106,7 +106,7 @@ TEST_F(ThreadProgressTest, OneOfTwoIsEnough) {
   settle(stuck);
   Worker busy;
   std::string said;
-  for (int i = 0; i < ThreadProgress::kLooks + 1; ++i) {
+  for (int i = 0; i < ThreadProgress::kChecks + 1; ++i) {
     said = after(1);
     busy.turn();
   }
@@ -118,12 +118,12 @@ TEST_F(ThreadProgressTest, WhoIsExcusedBeginsAnew) {
   const Worker worker;
   settle(worker);
   EXPECT_EQ(after(100, /*excused=*/true), "");
-  EXPECT_EQ(after(ThreadProgress::kLooks), "");
+  EXPECT_EQ(after(ThreadProgress::kChecks), "");
   EXPECT_EQ(after(1), kName);
   EXPECT_EQ(after(1, /*excused=*/true), "");
 }
 
-/// A suspended machine or a stopped process has missed the looks too.
+/// A suspended machine or a stopped process has missed the checks too.
 TEST_F(ThreadProgressTest, TimeAloneDoesNotCount) {
   const Worker worker;
   settle(worker);
@@ -131,7 +131,7 @@ TEST_F(ThreadProgressTest, TimeAloneDoesNotCount) {
   now += 24h;
   EXPECT_EQ(after(2), "");
   const auto then = now;
-  for (int i = 0; i < 1000; ++i) turns.look(then, false);
+  for (int i = 0; i < 1000; ++i) turns.check(then, false);
   EXPECT_EQ(turns.stands_still(), "");
 }
 
@@ -139,7 +139,7 @@ TEST_F(ThreadProgressTest, OthersAndThreadsThatAreGoneDoNotMatter) {
   {
     const Worker worker;
     settle(worker);
-    EXPECT_EQ(after(ThreadProgress::kLooks + 1), kName);
+    EXPECT_EQ(after(ThreadProgress::kChecks + 1), kName);
   }
   EXPECT_EQ(after(1), "");
   EXPECT_EQ(after(100), "");  // this thread has another name

@@ -58,7 +58,7 @@ class FakeBroker final : public Broker {
     if (confirms) events_.push_back(Subscribed{subscription.filter, why.empty(), why});
   }
   bool is_connected() const override {
-    ++looks;
+    ++checks;
     return up_ || believes;
   }
   void unsubscribe(const std::string& filter) override { filters.erase(filter); }
@@ -69,7 +69,7 @@ class FakeBroker final : public Broker {
   }
   std::vector<BrokerEvent> take_events() override { return std::exchange(events_, {}); }
 
-  mutable int looks = 0;  ///< number of calls to is_connected()
+  mutable int checks = 0;  ///< number of calls to is_connected()
 
   // ---- actions of the test ---------------------------------------------------------------------
   void acknowledge_next() {

@@ -261,6 +261,25 @@ TEST(PublisherIdentity, OverwrittenStateAndMetaAreRepairedOnceASecondAtTheMost) 
   }
 }
 
+TEST(PublisherIdentity, StopDoesNotSpinForARepairThatIsDueBehindTheLastState) {
+  Bench bench;
+  bench.broker.echoes = true;
+  bench.online();
+  hear(bench, kBase + "/state", R"({"forged":1})");  // repaired at once
+  hear(bench, kBase + "/state", R"({"forged":2})");  // a second later
+  bench.advance(500ms);
+  bench.broker.acknowledges = false;
+  bench.made().stop(bench.now);
+  for (int i = 0; i < 100; ++i) {
+    bench.settle();
+    const SteadyTime wake = bench.step();
+    if (bench.made().finished()) break;
+    ASSERT_GT(wake, bench.now);
+    bench.now = wake;
+  }
+  EXPECT_TRUE(bench.made().finished());
+}
+
 TEST_F(PublisherIdentityTest, OverwrittenStateIsRepairedEvenIfOursNeverCameBack) {
   bench.outbox.push(test::offline(0, "timeout"));
   bench.online();

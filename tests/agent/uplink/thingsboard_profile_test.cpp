@@ -47,8 +47,8 @@ struct ThingsBoardProfileTest : testing::Test {
     ProfileConfig what;
     what.kind = ProfileConfig::Kind::thingsboard;
     what.broker = "cloud";
-    TakeOrder take;
-    if (commands) take = [this](Order order) { orders.push_back(std::move(order)); };
+    RelayCommand take;
+    if (commands) take = [this](RelayedCommand command) { relayed.push_back(std::move(command)); };
     profile = std::make_unique<ThingsBoardProfile>(
         plant, what, take, [this] { return "id-" + std::to_string(++ids); });
   }
@@ -76,12 +76,12 @@ struct ThingsBoardProfileTest : testing::Test {
   }
 
   /// Returns the command that becomes of `data`, without its id.
-  json order_of(const std::string& data) {
+  json command_of(const std::string& data) {
     ask(R"({"device":"press1","data":)" + data + "}");
-    json order = json::parse(orders.back().payload);
-    EXPECT_EQ(order["id"], "id-" + std::to_string(ids));
-    order.erase("id");
-    return order;
+    json command = json::parse(relayed.back().payload);
+    EXPECT_EQ(command["id"], "id-" + std::to_string(ids));
+    command.erase("id");
+    return command;
   }
 
   void ask(const std::string& payload, bool retained = false) {
@@ -91,7 +91,7 @@ struct ThingsBoardProfileTest : testing::Test {
   }
 
   Config plant;
-  std::vector<Order> orders;
+  std::vector<RelayedCommand> relayed;
   int ids = 0;
   std::unique_ptr<ThingsBoardProfile> profile;
 };
@@ -209,35 +209,35 @@ TEST_F(ThingsBoardProfileTest, FullHistoryTakesNoMoreAndForgetsNoReason) {
 }
 
 TEST_F(ThingsBoardProfileTest, MethodIsACommand) {
-  EXPECT_EQ(order_of(R"({"id":0,"method":"write","params":{"tag":"setpoint","value":50}})"),
+  EXPECT_EQ(command_of(R"({"id":0,"method":"write","params":{"tag":"setpoint","value":50}})"),
             json::parse(R"({"op":"write","tag":"setpoint","value":50,"expires":1790000010000})"));
-  EXPECT_EQ(order_of(R"({"id":0,"method":"set_setpoint","params":0.1})"),
+  EXPECT_EQ(command_of(R"({"id":0,"method":"set_setpoint","params":0.1})"),
             json::parse(R"({"op":"write","tag":"setpoint","value":0.1,"expires":1790000010000})"));
-  EXPECT_EQ(order_of(R"({"id":0,"method":"get_temp"})"),
+  EXPECT_EQ(command_of(R"({"id":0,"method":"get_temp"})"),
             json::parse(R"({"op":"read","tag":"temp","expires":1790000010000})"));
-  EXPECT_EQ(order_of(R"({"id":0,"method":"run","params":null})"),
+  EXPECT_EQ(command_of(R"({"id":0,"method":"run","params":null})"),
             json::parse(R"({"op":"run","expires":1790000010000})"));
-  EXPECT_EQ(order_of(R"({"id":0,"method":"stop","params":{"expires":5}})"),
+  EXPECT_EQ(command_of(R"({"id":0,"method":"stop","params":{"expires":5}})"),
             json::parse(R"({"op":"stop","expires":5})"));
-  EXPECT_EQ(order_of(R"({"id":0,"method":"reboot","params":{"now":true}})"),
+  EXPECT_EQ(command_of(R"({"id":0,"method":"reboot","params":{"now":true}})"),
             json::parse(R"({"op":"reboot","expires":1790000010000})"));
-  EXPECT_EQ(orders.back().sender, "thingsboard@cloud");
-  EXPECT_EQ(orders.back().device, "press1");
+  EXPECT_EQ(relayed.back().sender, "thingsboard@cloud");
+  EXPECT_EQ(relayed.back().device, "press1");
 }
 
 TEST_F(ThingsBoardProfileTest, DeadlineIsAtMostThatOfTheDevice) {
   plant.devices[0].commands.max_expiry = 2s;
-  EXPECT_EQ(order_of(R"({"id":0,"method":"run"})")["expires"], 1790000002000);
+  EXPECT_EQ(command_of(R"({"id":0,"method":"run"})")["expires"], 1790000002000);
 }
 
 TEST_F(ThingsBoardProfileTest, RetainedRequestIsARetainedCommand) {
   ask(R"({"device":"press1","data":{"id":0,"method":"run"}})", true);
-  EXPECT_TRUE(orders.at(0).retained);
+  EXPECT_TRUE(relayed.at(0).retained);
 }
 
 TEST_F(ThingsBoardProfileTest, AnswerHasTheIdOfTheRequest) {
   ask(R"({"device":"press1","data":{"id":3,"method":"run"}})");
-  orders.at(0).tell(R"({"status":"SUCCEEDED"})");
+  relayed.at(0).reply(R"({"status":"SUCCEEDED"})");
   EXPECT_EQ(due(), (std::vector<std::string>{
                        R"(rpc {"device":"press1","id":3,"data":{"status":"SUCCEEDED"}})"}));
 }
@@ -245,10 +245,10 @@ TEST_F(ThingsBoardProfileTest, AnswerHasTheIdOfTheRequest) {
 TEST_F(ThingsBoardProfileTest, AnswerIsOnlyForTheSessionOfItsRequest) {
   ask(R"({"device":"press1","data":{"id":0,"method":"run"}})");
   ask(R"({"device":"press1","data":{"id":1,"method":"run"}})");
-  orders.at(0).tell("{}");
+  relayed.at(0).reply("{}");
   profile->connection_ended();
   profile->connection_began({});
-  orders.at(1).tell("{}");
+  relayed.at(1).reply("{}");
   EXPECT_EQ(due(), std::vector<std::string>());
 }
 
@@ -259,7 +259,7 @@ TEST_F(ThingsBoardProfileTest, FaultyRequestIsLeftToAdmission) {
         R"({"id":0,"method":5})", R"({"id":0})"}) {
     const std::string message = R"({"device":"press1","data":)" + data + "}";
     ask(message);
-    EXPECT_EQ(orders.back().payload, message);
+    EXPECT_EQ(relayed.back().payload, message);
   }
 }
 
@@ -273,7 +273,7 @@ TEST_F(ThingsBoardProfileTest, RequestWithoutAnAddressForItsAnswerIsIgnored) {
     ask(text);
   ask(std::string(65537, '['));
   ask("{\"device\":\"press1\",\"data\":" + std::string(60000, '['));
-  EXPECT_TRUE(orders.empty());
+  EXPECT_TRUE(relayed.empty());
 }
 
 TEST_F(ThingsBoardProfileTest, ReloadConnectsAndDisconnects) {

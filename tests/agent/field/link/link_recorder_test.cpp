@@ -54,22 +54,22 @@ struct LinkRecorderTest : testing::Test {
 };
 
 TEST_F(LinkRecorderTest, AWorkingLinkIsNoAnomaly) {
-  link->look(0, false, "not opened yet");
-  link->look(0, true, "");
-  link->look(FrameBurst::kFrames - 1, true, "");
+  link->check_link(0, false, "not opened yet");
+  link->check_link(0, true, "");
+  link->check_link(FrameBurst::kFrames - 1, true, "");
   link->ended(result(CommandStatus::succeeded, milliseconds(100)), "press1");
   link->ended(result(CommandStatus::rejected, milliseconds(100)), "press1");
   EXPECT_EQ(reason(), "");
 }
 
 TEST_F(LinkRecorderTest, ALostLinkIs) {
-  link->look(0, true, "");
-  link->look(0, false, "no such device");
+  link->check_link(0, true, "");
+  link->check_link(0, false, "no such device");
   EXPECT_EQ(reason(), "link down: no such device");
 }
 
 TEST_F(LinkRecorderTest, ABurstOfBadFramesIs) {
-  link->look(FrameBurst::kFrames, true, "");
+  link->check_link(FrameBurst::kFrames, true, "");
   EXPECT_EQ(reason(), "a burst of bad frames");
 }
 
@@ -88,8 +88,8 @@ TEST(LinkRecorder, WithoutARecorderDoesNothing) {
   LinkRecorder link(nullptr, config);
   EXPECT_EQ(link.ring(), nullptr);
   EXPECT_EQ(link.number(DeviceConfig()), kNoDevice);
-  link.look(100, true, "");
-  link.look(100, false, "down");
+  link.check_link(100, true, "");
+  link.check_link(100, false, "down");
 }
 
 TEST(FrameBurst, FiveWithinAMinuteAreOneBurst) {

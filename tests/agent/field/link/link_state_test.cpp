@@ -86,12 +86,12 @@ TEST_F(LinkStateTest, LossMakesEveryDeviceOfflineAndIsToldOnce) {
   link->update(*devices[0]);
   EXPECT_EQ(told().at(0).state, State::online);
   bus->close();
-  link->look();
+  link->check_bus();
   const auto states = told();
   ASSERT_EQ(states.size(), 1U);
   EXPECT_EQ(states[0].state, State::offline);
   EXPECT_EQ(states[0].reason, "link_down");
-  link->look();
+  link->check_bus();
   EXPECT_TRUE(told().empty());
 }
 
@@ -99,7 +99,7 @@ TEST_F(LinkStateTest, SerialLineThatWasLostIsOpenedAtOnceAndThenEachTimeLater) {
   use(SerialSettings{});
   open();
   bus->close();
-  link->look();
+  link->check_bus();
   EXPECT_LE(next_open_in(), nanoseconds(0));
   link->open_failed("no such device");
   const nanoseconds first = next_open_in();
@@ -109,7 +109,7 @@ TEST_F(LinkStateTest, SerialLineThatWasLostIsOpenedAtOnceAndThenEachTimeLater) {
   EXPECT_GT(next_open_in(), milliseconds(700));
   open();
   bus->close();
-  link->look();
+  link->check_bus();
   link->open_failed("no such device");
   EXPECT_LE(next_open_in(), milliseconds(600)) << "it was open, so this failure is a first one";
 }
@@ -160,7 +160,7 @@ TEST_F(LinkStateTest, LinkThatComesAndGoesIsReadAtOnceNoMoreThanEveryTenSeconds)
   open();
   const auto come_and_go = [&] {
     bus->close();
-    link->look();
+    link->check_bus();
     open();
     return scheduler.next(Clock::now());
   };
@@ -224,7 +224,7 @@ TEST_F(LinkStateTest, ModelIsAskedAgainAfterALoss) {
   open();
   devices[0]->state.set_model("FX3U");
   bus->close();
-  link->look();
+  link->check_bus();
   EXPECT_FALSE(devices[0]->state.is_model_known());
 }
 
@@ -260,7 +260,7 @@ TEST_F(LinkStateTest, ConnectionThatFollowsAVainOneIsUpOnceItHasAnswered) {
   expect_says(log, "state=up");
   EXPECT_TRUE(bus->is_open());
   bus->close();
-  link->look();
+  link->check_bus();
   EXPECT_LE(next_open_in(), milliseconds(200)) << "it had answered";
   link->open_failed("refused");
   EXPECT_LE(next_open_in(), milliseconds(600)) << "the first failure";

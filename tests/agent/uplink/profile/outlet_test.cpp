@@ -11,6 +11,7 @@
 #include "agent/uplink/sparkplug/sparkplug_profile.h"
 #include "tests/agent/uplink/fake_broker.h"
 #include "tests/agent/uplink/plant.h"
+#include "tests/support/says.h"
 #include "tests/support/scratch.h"
 
 namespace fxagent {
@@ -35,16 +36,16 @@ struct OutletTest : testing::TestWithParam<ProfileConfig::Kind> {
     what.topic = "{root}/{id}/{device}/{tag}";
     what.group = "plant-a";
     what.node = "edge7";
-    const auto take_order = [this](Order order) { orders_.push_back(std::move(order)); };
+    const auto relay = [this](RelayedCommand command) { relayed_.push_back(std::move(command)); };
     const auto new_id = [this] { return "id-" + std::to_string(++ids_); };
     if (what.kind == ProfileConfig::Kind::sparkplug)
-      profile_ = std::make_unique<SparkplugProfile>(config_, what, take_order, new_id,
-                                                    [] { return kStartMs; });
+      profile_ =
+          std::make_unique<SparkplugProfile>(config_, what, relay, new_id, [] { return kStartMs; });
     else if (what.kind == ProfileConfig::Kind::plain)
-      profile_ = std::make_unique<PlainProfile>(config_, what, take_order, new_id);
+      profile_ = std::make_unique<PlainProfile>(config_, what, relay, new_id);
     else
-      profile_ = std::make_unique<JsonProfile>(config_, "9f3c21aa", "0.1.0", kStartMs, "cloud",
-                                               take_order);
+      profile_ =
+          std::make_unique<JsonProfile>(config_, "9f3c21aa", "0.1.0", kStartMs, "cloud", relay);
     store_ = std::make_unique<Store>(config_.store, kStartMs);
     guarded_ = std::make_unique<GuardedStore>(*store_, [] {});
     Outlet::Settings settings;
@@ -71,6 +72,29 @@ struct OutletTest : testing::TestWithParam<ProfileConfig::Kind> {
     batch.telemetry[0].readings[0].value = Value(value);
     outlet_->take(batch, now_);
   }
+  /// Stops, and steps when something has happened or is due. Returns the time that the stop took.
+  SteadyTime::duration stop() {
+    const SteadyTime begin = now_;
+    outlet_->stop(now_);
+    for (int i = 0; i < 50; ++i) {
+      settle();
+      const SteadyTime wake = outlet_->step(now_);
+      if (outlet_->finished()) break;
+      EXPECT_GT(wake, now_) << "it spins";
+      now_ = wake;
+    }
+    EXPECT_TRUE(outlet_->finished());
+    return now_ - begin;
+  }
+  /// Removes the markers from the broker's log.
+  void forget_marks() {
+    std::erase_if(broker_.log, [](const Publication& each) { return each.topic == "mark"; });
+  }
+  /// Topic of the profile's last message.
+  std::string last_topic() const {
+    if (GetParam() == ProfileConfig::Kind::sparkplug) return "spBv1.0/plant-a/NDEATH/edge7";
+    return config_.base_topic() + (GetParam() == ProfileConfig::Kind::plain ? "/plain" : "/state");
+  }
   /// Steps until all samples are delivered.
   SampleCounts drained() {
     for (int i = 0; i < 400; ++i) {
@@ -86,7 +110,7 @@ struct OutletTest : testing::TestWithParam<ProfileConfig::Kind> {
   Config config_ = test::plant();
   test::FakeBroker broker_;
   SteadyTime now_ = SteadyTime(1h);
-  std::vector<Order> orders_;
+  std::vector<RelayedCommand> relayed_;
   int ids_ = 0;
   std::uint64_t seq_ = 0;
   std::unique_ptr<Profile> profile_;
@@ -150,9 +174,8 @@ TEST_P(OutletTest, StopEndsWithoutABroker) {
   broker_.reachable = false;
   settle(1s);
   take(1.0);
-  outlet_->stop(now_);
-  settle();
-  EXPECT_TRUE(outlet_->finished());
+  EXPECT_EQ(stop(), 0s);
+  EXPECT_TRUE(outlet_->status().samples.balanced());
 }
 
 TEST_P(OutletTest, StopEndsWithABrokerThatAnswersNothing) {
@@ -160,16 +183,57 @@ TEST_P(OutletTest, StopEndsWithABrokerThatAnswersNothing) {
   ASSERT_TRUE(outlet_->status().connected);
   broker_.acknowledges = false;
   take(1.0);
-  outlet_->stop(now_);
-  for (int i = 0; i < 40 && !outlet_->finished(); ++i) settle(100ms);
-  EXPECT_TRUE(outlet_->finished());
+  EXPECT_LE(stop(), 3s) << "one for each step";
+  forget_marks();
+  EXPECT_EQ(broker_.log.back().topic, last_topic());
 }
 
-TEST_P(OutletTest, SparkplugLeavesWithItsWill) {
+TEST_P(OutletTest, StopEndsWithAServerThatIsSilent) {
+  broker_.reachable = broker_.answers = false;
+  settle(1s);
+  EXPECT_LE(stop(), 1s);
+  EXPECT_TRUE(broker_.log.empty());
+}
+
+TEST_P(OutletTest, StopSendsTheLastBatchAndThenTheLastMessageOnce) {
+  broker_.acknowledges_qos0 = true;
+  take(DeviceStatus::State::online);
   settle(1s);
   outlet_->stop(now_);
-  for (int i = 0; i < 40 && !outlet_->finished(); ++i) settle(100ms);
+  take(1.0);
+  EXPECT_EQ(stop(), 0s) << "the broker acknowledges at once";
+  const SampleCounts counts = outlet_->status().samples;
+  EXPECT_EQ(counts.acknowledged, counts.collected);
+  ASSERT_FALSE(broker_.log.empty());
+  forget_marks();
+  EXPECT_EQ(broker_.log.back().topic, last_topic());
+  if (GetParam() == ProfileConfig::Kind::sparkplug)
+    EXPECT_EQ(broker_.on(last_topic()).size(), 1U);
+  else
+    test::expect_says(broker_.log.back().payload, "offline");
   EXPECT_EQ(broker_.left_with_will, GetParam() == ProfileConfig::Kind::sparkplug);
+  EXPECT_EQ(broker_.disconnects, 1);
+}
+
+TEST_P(OutletTest, LastMessageThatFailsIsLogged) {
+  settle(1s);
+  broker_.fails = true;
+  testing::internal::CaptureStderr();
+  EXPECT_EQ(stop(), 0s);
+  test::expect_says(testing::internal::GetCapturedStderr(),
+                    "publish_failed what=" + outlet_->status().name);
+}
+
+TEST_P(OutletTest, SamplesLostInTheLastStepAreWarnedOf) {
+  broker_.reachable = false;
+  settle(1s);
+  outlet_->stop(now_);
+  Outbox::Batch batch;
+  batch.dropped = {{0, 3}};
+  outlet_->take(batch, now_);
+  testing::internal::CaptureStderr();
+  stop();
+  test::expect_says(testing::internal::GetCapturedStderr(), "samples_dropped count=3");
 }
 
 TEST_P(OutletTest, IdleSessionDoesNotWakeAtOnceAgain) {

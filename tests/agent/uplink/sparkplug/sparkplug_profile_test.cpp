@@ -33,7 +33,7 @@ struct SparkplugTest : testing::Test {
     what.node = "edge7";
     what.host = host_;
     profile_.emplace(
-        config_, what, [this](Order order) { orders_.push_back(std::move(order)); },
+        config_, what, [this](RelayedCommand command) { relayed_.push_back(std::move(command)); },
         [] { return std::string("id-1"); }, [] { return kBornMs; });
   }
   void device(DeviceStatus::State state, std::uint32_t index = 0) {
@@ -60,7 +60,7 @@ struct SparkplugTest : testing::Test {
   const std::string host_;
   Config config_ = test::plant();
   SteadyTime now_ = SteadyTime(1h);
-  std::vector<Order> orders_;
+  std::vector<RelayedCommand> relayed_;
   std::optional<SparkplugProfile> profile_;
 };
 
@@ -105,7 +105,7 @@ TEST_F(SparkplugTest, HostileCommandsAreIgnored) {
   hear("spBv1.0/plant-a/DCMD/edge7/", bytes(kWrite));
   hear("spBv1.0/plant-a/NCMD/edge7", bytes(kWrite));
   hear("spBv1.0/plant-a/NCMD/edge7", std::string(3, '\xFF'));
-  EXPECT_TRUE(orders_.empty());
+  EXPECT_TRUE(relayed_.empty());
   EXPECT_TRUE(due().empty());
 }
 
@@ -121,9 +121,9 @@ TEST_F(SparkplugTest, ArrayIsWrittenInItsOwnTypeOnly) {
   hear(topic, bytes("12 13 " + name + "20 18 " + array));     // Int32Array
   hear(topic, bytes("12 13 " + name + "38 01 " + array));     // is_null
   hear(topic, bytes("12 10 " + name + "82 01 03 07 00 FF"));  // half an element
-  ASSERT_EQ(orders_.size(), 2U);
-  for (const Order& order : orders_)
-    EXPECT_EQ(order.payload, R"({"id":"id-1","op":"write","tag":"setpoint","value":[7,-1]})");
+  ASSERT_EQ(relayed_.size(), 2U);
+  for (const RelayedCommand& each : relayed_)
+    EXPECT_EQ(each.payload, R"({"id":"id-1","op":"write","tag":"setpoint","value":[7,-1]})");
 }
 
 TEST_F(SparkplugTest, SessionsAreCountedFrom0To255) {

@@ -65,7 +65,7 @@ struct TypedCommandsTest : testing::Test {
     what.node = "edge7";
     what.host = host;
     profile_.emplace(
-        config_, what, [this](Order order) { orders_.push_back(std::move(order)); },
+        config_, what, [this](RelayedCommand command) { relayed_.push_back(std::move(command)); },
         [] { return kSentMs; });
   }
   void device(DeviceStatus::State state, std::uint32_t index = 0) {
@@ -94,7 +94,7 @@ struct TypedCommandsTest : testing::Test {
   using Lines = std::vector<std::string>;
   Config config_ = test::plant();
   SteadyTime now_ = SteadyTime(1h);
-  std::vector<Order> orders_;
+  std::vector<RelayedCommand> relayed_;
   std::optional<TypedCommandsProfile> profile_;
 };
 
@@ -136,8 +136,8 @@ TEST_F(TypedCommandsTest, DeviceThatAReloadRemovesDies) {
   profile_->change(change);
   EXPECT_EQ(due(), Lines{"DDEATH/edge7/press1 2"});
   hear("DCMD/edge7/press1", kRequest);
-  EXPECT_EQ(orders_.size(), 1U) << "it is no device any more";
-  orders_[0].tell(R"({"status":"REJECTED","reason":"reloading"})");
+  EXPECT_EQ(relayed_.size(), 1U) << "it is no device any more";
+  relayed_[0].reply(R"({"status":"REJECTED","reason":"reloading"})");
   EXPECT_EQ(due(), Lines{"DRESP/edge7/press1 "});
   EXPECT_EQ(due(), Lines{"DRESP/edge7/press1 "});
   now_ += 1s;
@@ -165,8 +165,8 @@ TEST_F(TypedCommandsTest, RunAndStopAreCommandsIfAllowed) {
   EXPECT_EQ(last[1] + " " + last[4], "Stop 35");
   EXPECT_NE(births[1].payload.find(test::bytes("0A 03 52 75 6E")), std::string::npos) << "Run";
   hear("DCMD/edge7/press1", "2A 01 68 12 0B 0A 03 52 75 6E 62 04 1A 02 63 31");
-  ASSERT_EQ(orders_.size(), 1U);
-  EXPECT_EQ(orders_[0].payload, R"({"id":"h/c1","op":"run"})");
+  ASSERT_EQ(relayed_.size(), 1U);
+  EXPECT_EQ(relayed_[0].payload, R"({"id":"h/c1","op":"run"})");
 }
 
 TEST_F(TypedCommandsTest, WillHasTheNumberOfTheSessionAlone) {
@@ -189,12 +189,12 @@ TEST_F(TypedCommandsTest, RequestIsOneCommandAndItsResultTheAnswer) {
   profile_->connection_began(Connected{});
   due();
   hear("DCMD/edge7/press1", kRequest);
-  ASSERT_EQ(orders_.size(), 1U);
-  EXPECT_EQ(orders_[0].device, "press1");
-  EXPECT_EQ(orders_[0].sender, "sparkplug-commands/scada");
-  EXPECT_EQ(orders_[0].payload, R"({"id":"scada/c1","op":"write","tag":"setpoint","value":7})");
+  ASSERT_EQ(relayed_.size(), 1U);
+  EXPECT_EQ(relayed_[0].device, "press1");
+  EXPECT_EQ(relayed_[0].sender, "sparkplug-commands/scada");
+  EXPECT_EQ(relayed_[0].payload, R"({"id":"scada/c1","op":"write","tag":"setpoint","value":7})");
   EXPECT_TRUE(due().empty()) << "no answer before the result";
-  orders_[0].tell(
+  relayed_[0].reply(
       R"({"id":"scada/c1","status":"SUCCEEDED","reason":null,"detail":null,"plc":"ACK","value":7})");
   const auto messages = profile_->due(now_, kSentMs);
   ASSERT_EQ(messages.size(), 1U);
@@ -219,7 +219,7 @@ TEST_F(TypedCommandsTest, ResultHasTheTypeOfItsTag) {
     press.tags[test::setpoint].point.type = type;
     press.tags[test::setpoint].point.is_array = is_array;
     hear("DCMD/edge7/press1", kRequest);
-    orders_.back().tell(R"({"status":"SUCCEEDED","value":)" + value + "}");
+    relayed_.back().reply(R"({"status":"SUCCEEDED","value":)" + value + "}");
     const auto answer = profile_->due(now_, kSentMs).at(0);
     return fields(fields(fields(fields(fields(answer.payload)[2])[12])[2])[11]);
   };
@@ -245,7 +245,7 @@ TEST_F(TypedCommandsTest, EachStatusHasACodeOfItsOwn) {
   for (const char* word :
        {"SUCCEEDED", "FAILED", "PARTIAL", "REJECTED", "EXPIRED", "DUPLICATE", "UNKNOWN_OUTCOME"}) {
     hear("DCMD/edge7/press1", kRequest);
-    orders_.back().tell(R"({"status":")" + std::string(word) + R"(","reason":"x","detail":"y"})");
+    relayed_.back().reply(R"({"status":")" + std::string(word) + R"(","reason":"x","detail":"y"})");
     const auto answer = profile_->due(now_, kSentMs).at(0);
     const auto status = fields(fields(fields(fields(answer.payload)[2])[12])[4]);
     EXPECT_EQ(status.at(2), std::string(word) + ": x: y");
@@ -260,7 +260,7 @@ TEST_F(TypedCommandsTest, AnswerOfAnOutageFollowsTheBirthsOfTheNextSession) {
   due();
   hear("DCMD/edge7/press1", kRequest);
   profile_->connection_ended();
-  orders_[0].tell(R"({"status":"SUCCEEDED","value":7})");
+  relayed_[0].reply(R"({"status":"SUCCEEDED","value":7})");
   EXPECT_TRUE(due().empty());
   profile_->connection_began(Connected{});
   EXPECT_EQ(due(), (Lines{"NBIRTH/edge7 0", "DBIRTH/edge7/press1 1"}));
@@ -303,12 +303,12 @@ TEST_F(TypedCommandsTest, HostileMessagesAreNoCommands) {
   profile_->hear(test::message_on(
       "spCv1.0/plant-a/DCMD/edge7/press1",
       std::string("\x12\x02\x62\x00\x2A\x80\x80\x04", 8) + std::string(65536, 'x')));
-  EXPECT_TRUE(orders_.empty());
+  EXPECT_TRUE(relayed_.empty());
   EXPECT_TRUE(due().empty());
   // This one has nothing but a command, and is answered.
   hear("DCMD/edge7/press1", "12 02 62 00");
-  ASSERT_EQ(orders_.size(), 1U);
-  EXPECT_EQ(orders_[0].payload, R"({"op":""})") << "admission refuses it";
+  ASSERT_EQ(relayed_.size(), 1U);
+  EXPECT_EQ(relayed_[0].payload, R"({"op":""})") << "admission refuses it";
 }
 
 TEST_F(TypedCommandsTest, WhileItsHostIsOfflineTheNodeDoesNothing) {
@@ -316,12 +316,12 @@ TEST_F(TypedCommandsTest, WhileItsHostIsOfflineTheNodeDoesNothing) {
   device(DeviceStatus::State::online);
   profile_->connection_began(Connected{});
   hear("DCMD/edge7/press1", kRequest);
-  EXPECT_TRUE(orders_.empty());
+  EXPECT_TRUE(relayed_.empty());
   EXPECT_TRUE(due().empty());
   profile_->hear(test::message_on("spCv1.0/STATE/scada",
                                   R"({"online": true, "timestamp": 1790000000000000000})"));
   hear("DCMD/edge7/press1", kRequest);
-  EXPECT_EQ(orders_.size(), 1U);
+  EXPECT_EQ(relayed_.size(), 1U);
   EXPECT_EQ(due(), (Lines{"NBIRTH/edge7 0", "DBIRTH/edge7/press1 1"}));
 }
 
@@ -343,7 +343,7 @@ struct TypedRequest : TypedCommandsTest {
         "spCv1.0/plant-a/DCMD/edge7/press1",
         field('\x2A', source) +
             field('\x12', field('\x0A', "Write/setpoint") + field('\x62', parts))));
-    return orders_.empty() ? "" : orders_.back().payload;
+    return relayed_.empty() ? "" : relayed_.back().payload;
   }
   /// Returns the value that the command would write.
   std::string value(const char* typed_value, const char* before = "") {
@@ -410,7 +410,7 @@ TEST_F(TypedRequest, NoAnswerIsWithoutABound) {
   EXPECT_EQ(due(), Lines{"DRESP/edge7/other "});
   for (const char* topic : {"DCMD/edge7/other", "DCMD/edge7/press1", "NCMD/edge7"})
     hear(topic, kRequest, /*retained=*/true);
-  EXPECT_TRUE(orders_.empty());
+  EXPECT_TRUE(relayed_.empty());
   EXPECT_TRUE(due().empty()) << "one in each connection";
   hear("NCMD/edge7", kRequest);
   EXPECT_EQ(due(), Lines{"NRESP/edge7 "});
@@ -421,10 +421,10 @@ TEST_F(TypedRequest, WordsOfTheAgentAreNoCommands) {
        {"12 0E 0A 04 72 65 61 64 62 06 1A 04 63 63 63 63",                 // read
         "12 12 0A 08 66 6F 72 63 65 5F 6F 6E 62 06 1A 04 63 63 63 63"}) {  // force_on
     hear("DCMD/edge7/press1", (std::string("2A 01 68 ") + name).c_str());
-    test::expect_says(orders_.back().payload, R"("op":"command )");
+    test::expect_says(relayed_.back().payload, R"("op":"command )");
   }
   hear("DCMD/edge7/press1", "2A 01 68 12 10 0A 06 52 65 62 6F 6F 74 62 06 1A 04 63 63 63 63");
-  test::expect_says(orders_.back().payload, R"("op":"Reboot")");
+  test::expect_says(relayed_.back().payload, R"("op":"Reboot")");
 }
 
 }  // namespace
