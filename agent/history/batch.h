@@ -2,7 +2,7 @@
 //
 // A message on a data topic becomes a row for each of its samples, a health message the counts of
 // dropped and waiting samples. Any other message is refused, with a reason. A history message with
-// one wrong row is refused as a whole, and its correct rows are stored.
+// a wrong row is refused, too, but its correct rows are stored.
 #pragma once
 
 #include <cstddef>

@@ -1,8 +1,9 @@
 // Carries samples from the broker to the database. One thread.
 //
 // Exactly once: a batch of messages is committed before the first of them is acknowledged, and a
-// sample that arrives again is not stored again. So neither the end of this process, of the broker
-// nor of the database loses or doubles a row.
+// sample that arrives again is not stored again. So an end of this process, of the broker or of the
+// database neither loses nor doubles a row. Exception: with SynchronousCommit::off a crash of the
+// database's server may lose some.
 #pragma once
 
 #include <algorithm>

@@ -52,7 +52,7 @@ struct HttpRequest {
 struct HttpAnswer {
   unsigned status = 200;
   const char* type = "";  ///< Content-Type; a literal
-  /// Shared by all connections that are being sent the same body.
+  /// Never null. Shared by all connections that are being sent the same body.
   std::shared_ptr<const std::string> body;
   std::string etag{};  ///< ETag with its quotes; empty: none
 };
@@ -73,7 +73,8 @@ class HttpServer final {
   /// Longest time from accept to the last byte of the answer, and longest silence in between.
   static constexpr std::chrono::seconds kLongestConnection{10};
   static constexpr std::chrono::seconds kLongestSilence{5};
-  /// Requests whose answer comes later, at most, and the longest wait for one.
+  /// Most requests whose answer comes later (see is_full()), and the longest wait for such an
+  /// answer.
   static constexpr std::ptrdiff_t kMostWaiting = 16;
   static constexpr std::chrono::seconds kLongestWait{120};
 
@@ -85,6 +86,7 @@ class HttpServer final {
   };
 
   /// Must not throw. nullopt: finish() gives the answer later.
+  /// Return nullopt only while is_full() is false: the server has no limit of its own.
   using Answer = std::function<std::optional<HttpAnswer>(const HttpRequest& request)>;
 
   /// Takes over the socket. A POST with a longer body than `most_body` gets 413; with 0 every POST

@@ -1,4 +1,4 @@
-// The listening socket for metrics, TCP or Unix. Any thread.
+// The listening socket of the web server, TCP or Unix. Any thread.
 #pragma once
 
 #include <string>

@@ -23,7 +23,7 @@ struct Problem {
 
 struct Verdict {
   std::vector<Problem> problems;  ///< the worst first, then the oldest
-  std::string works;              ///< what works: "3 of 4 devices answer; the broker has ..."
+  std::string works;              ///< "3 of 4 devices answer; the broker is connected"
 };
 
 /// Returns the verdict on a status with its config. `dropped_ms` is when samples were last dropped;

@@ -9,7 +9,7 @@
 
 namespace fxagent {
 
-/// The uplink makes a status on each request, at most this much later.
+/// The uplink makes a status on request. It counts as hanging if the newest one is older than this.
 inline constexpr std::chrono::seconds kUplinkWithin{10};
 /// The field reports its counters every 5 s. It counts as hanging after this time without a report.
 inline constexpr std::chrono::seconds kFieldWithin{20};

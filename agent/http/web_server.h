@@ -1,7 +1,7 @@
 // Serves the page with its data, /metrics, /healthz and /readyz at the configured address, on its
-// own thread. Reads only the status board and the kept log events, and passes commands on without
-// waiting, so it cannot hold up the agent.
-// If the address is not available, logs why and tries again every 5 s.
+// own thread. Reads only the status board, the kept log events and the recorder's frames, and
+// passes commands on without waiting, so it cannot hold up the agent. If the address is not
+// available, logs why and tries again every 5 s.
 #pragma once
 
 #include <chrono>

@@ -56,8 +56,8 @@ class ServiceReports final {
 
   /// Returns the time of the next keep(); nullopt: no service manager listens.
   std::optional<Time> next() const;
-  /// Does what is due. If one of them hangs, the watchdog is not fed; the log and the status name
-  /// it.
+  /// Does what is due. If a thread hangs, does not feed the watchdog, and names the thread in the
+  /// log and the status.
   void keep(Time now);
 
  private:

@@ -23,8 +23,8 @@ class StopWatchdog final {
   /// Exit status of a process that was ended by force before everything was reported and written.
   static constexpr int kEndedByForce = 1;
 
-  /// Starts the thread. `stop_signals` are blocked in every thread of the process. Throws
-  /// std::system_error if no thread can be started.
+  /// Starts the thread. `stop_signals`, SIGTERM among them, are blocked in every thread of the
+  /// process. Throws std::system_error if no thread can be started.
   explicit StopWatchdog(const sigset_t& stop_signals);
   /// Stops the watchdog: the process has practically ended.
   ~StopWatchdog();
@@ -42,11 +42,12 @@ class StopWatchdog final {
   /// True if a stop signal has come. Any thread.
   bool has_signal();
 
-  /// Sets what the agent is waiting for, which the line of a forced end reports. `more` returns
-  /// details; it is called on the watchdog's thread and must outlive the stage. Main thread.
+  /// Sets what the agent is waiting for, for the line of a forced end. `what` is a literal. `more`
+  /// returns details; what it refers to outlives the stage. It runs on the watchdog's thread and
+  /// must not call this object. Main thread.
   void stage(const char* what, std::function<std::string()> more = {});
-  /// Everything has been reported and written, so that a hang after this call does no harm: it is
-  /// left behind with exit status 0. Main thread.
+  /// Call when everything has been reported and written. If the rest hangs, the watchdog ends the
+  /// process with exit status 0 after at most kFreeing. Main thread.
   void nothing_left_to_lose();
 
  private:

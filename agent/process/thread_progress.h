@@ -1,6 +1,5 @@
-// Detects threads of a library that hang. Checks from outside how often the kernel has switched
-// threads that never wait long without being woken. For a library that reports nothing about
-// itself. Any one thread.
+// Detects hanging threads of a library that reports nothing about itself: threads that never wait
+// long, and that the kernel has not switched for 2 min. Any one thread.
 #pragma once
 
 #include <chrono>
@@ -15,7 +14,7 @@ class ThreadProgress final {
  public:
   using Time = std::chrono::steady_clock::time_point;
   /// Interval of checks. A thread that was not switched in kChecks checks in a row hangs. Counts
-  /// checks and not only time, because a process that was stopped as a whole has missed both.
+  /// checks, not time: a process that was stopped as a whole has missed the checks, too.
   static constexpr std::chrono::seconds kBetweenChecks{10};
   static constexpr int kChecks = 12;
 

@@ -35,10 +35,10 @@ class FlightRecorder final {
     std::chrono::seconds rest{60};
   };
 
-  /// Starts the thread. Logs a directory that cannot be used; the agent runs without files then.
-  /// Throws std::system_error if no thread can be started.
+  /// Starts the thread. If the directory cannot be used, logs that and tries again at the next
+  /// recording. Throws std::system_error if no thread can be started.
   explicit FlightRecorder(Settings settings);
-  /// Writes what is due, then ends the thread.
+  /// Writes every pending file at once, then ends the thread.
   ~FlightRecorder() = default;
   FlightRecorder(const FlightRecorder&) = delete;
   FlightRecorder& operator=(const FlightRecorder&) = delete;
@@ -49,7 +49,8 @@ class FlightRecorder final {
   /// Returns the ring of the link; nullptr if there is none.
   std::shared_ptr<const FrameRing> ring_of(const std::string& link) const;
 
-  /// Asks for a file of the link's frames. Returns at once.
+  /// Asks for a file of the link's frames, or adds `reason` to the file that is pending. Only
+  /// counts the anomaly during `rest`, or if `most_files` files are pending. Returns at once.
   void anomaly(const std::string& link, const std::string& reason);
   /// Asks for files of the links that `fxagent record` has named. Returns at once.
   void asked();

@@ -54,8 +54,8 @@ class FrameRing final {
   /// The longest note, in bytes. A longer one is cut.
   static constexpr std::size_t kMostNote = 200;
 
-  /// Allocates `bytes`, at least kLeastBytes. The kernel provides the memory when frames fill it.
   static constexpr std::size_t kLeastBytes = 4096;
+  /// Allocates `bytes`, at least kLeastBytes. The kernel provides the memory when frames fill it.
   explicit FrameRing(std::size_t bytes);
   FrameRing(const FrameRing&) = delete;
   FrameRing& operator=(const FrameRing&) = delete;

@@ -52,8 +52,8 @@ struct KeptConfigs {
   bool is_good(const std::optional<KeptConfig>& kept) const;
 };
 
-/// Decides from the way the last process ended what becomes of the configs that it kept. `boot` is
-/// the present boot id. Returns the document to judge again; empty if there is none.
+/// Rolls back the config that the end of the last process counts against, if there is one. `boot`
+/// is the present boot id. Returns the document to judge again; empty if there is none.
 std::string judge_last_run(KeptConfigs& kept, const std::string& boot, std::int64_t now_ms);
 
 /// Room for four documents with every character escaped.

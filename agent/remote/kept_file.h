@@ -34,8 +34,8 @@ class KeptFile final {
 
   /// Returns empty on success, else the reason; due() then tries again, except without a directory.
   std::string save();
-  /// Saves and logs a failure. `what` is the change, "that the config is good". Without a directory
-  /// it logs nothing: an earlier step has reported that.
+  /// Saves and logs a failure. `what` is the change, "the rollback". Without a directory it logs
+  /// nothing: an earlier step has reported that.
   void save_or_log(std::string_view what);
   bool is_unsaved() const { return is_unsaved_; }
   /// Ends the judging of a document, if there is one, and saves that.

@@ -138,8 +138,9 @@ class RemoteConfig final {
   void connection(bool is_up, SteadyTime now) { in_force_.connection(is_up, now); }
   /// Ends reading and judging early, because the process is stopping. Any thread.
   void interrupt() { local_.interrupt(); }
-  /// Persists that the process was stopped. Call after the last other call has returned. The next
-  /// process continues a trial, and judges again a document that was being judged.
+  /// Persists that the process was stopped. The next process begins the trial again, and judges
+  /// again a document that was being judged.
+  /// Call after the last other call has returned.
   void stop() { kept_.stop(); }
 
   /// True, once, if remote config is not allowed any more and the answer of an earlier run must be

@@ -1,6 +1,6 @@
 // The audit trail: appends, prunes and reads the records of audit_chain.h, and holds those that are
-// not written yet. Its records join the commits of the other parts, so they cost none; only pruning
-// makes its own. The store's thread.
+// not written yet. Its records join the commits of the other parts. Only pruning, and records that
+// wait for 200 ms without another commit, need one of their own. The store's thread.
 #pragma once
 
 #include <atomic>
@@ -37,8 +37,8 @@ class AuditTrail final : public StorePart {
 
   AuditTrail(const StoreConfig& config, StoreDisk& disk) : config_(config), disk_(disk) {}
 
-  /// Returns the number for a command that has just arrived. May be called while a commit is in
-  /// progress.
+  /// Returns the number for a command that has just arrived. May run on the uplink's thread while
+  /// the disk's thread commits.
   std::uint64_t next_command_number() { return ++last_command_number_; }
   std::uint64_t last_command_number() const { return last_command_number_; }
   /// Without a file, numbers start here: above those of a file that opens later, unless the clock

@@ -37,7 +37,7 @@ class GuardedStore final {
   GuardedSamples& samples() { return samples_; }
   GuardedJournal& journal() { return journal_; }
 
-  /// True while the disk does not answer.
+  /// True from the time when work became overdue until the first upkeep() after it has ended.
   bool hangs() const { return guard_.hangs(); }
   /// "disk"; "memory" if nothing can be written; "hangs" while the disk does not answer.
   std::string_view state() const { return hangs() ? "hangs" : store_.state(); }

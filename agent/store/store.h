@@ -1,9 +1,11 @@
 // The store on disk: samples that were not acknowledged, the journal of commands, the audit trail,
-// and the sequence number of each device. One SQLite file, fxagent.db, in its own directory, and
-// fxagent.db.started and fxagent.db.behind beside it. The parts define the contents; the store
-// opens the file and schedules the work. One thread at a time: the thread that made it, then the
-// uplink's, which runs disk access on the disk's thread (guarded_store.h). Only started().mark()
-// runs on a thread of its own.
+// and the sequence number of each device. One SQLite file, fxagent.db, in its own directory, with
+// fxagent.lock, fxagent.db.started and fxagent.db.behind next to it. The parts define the contents;
+// the store opens the file and schedules the work.
+//
+// One thread at a time: the thread that made it, then the uplink's, which runs disk access on the
+// disk's thread (guarded_store.h). Two exceptions: started().mark() runs on a thread of its own,
+// and next_command_number() may run while the disk's thread works.
 //
 // A failure of the disk is not a failure of the caller. The caller keeps samples that could not be
 // written, the state becomes `memory`, and upkeep() tries again every 10 s.
@@ -52,24 +54,26 @@ class Store final {
   bool is_writable() const { return disk_.is_writable(); }
   /// Returns "disk", or "memory" if nothing can be written.
   std::string_view state() const { return is_writable() ? "disk" : "memory"; }
-  /// Bytes of samples and commands; together they stay below max_bytes().
+  /// Bytes of samples and commands, without the audit trail. Above max_bytes(), upkeep() deletes
+  /// samples.
   std::uint64_t bytes() const { return samples_.streams().bytes() + journal_.bytes(); }
   std::uint64_t max_bytes() const { return config_.max_bytes; }
   /// Name of the damaged file that was set aside in this run; empty if there is none.
   const std::string& set_aside() const { return disk_.set_aside(); }
 
-  /// Retries failed writes, deletes acknowledged samples, and drops what is older than max_age and
-  /// ids that need not be remembered. A sample's age counts from its write to disk; a clock that is
-  /// set makes nothing older or younger. Notices within a minute that files were deleted or
-  /// replaced: their contents count as dropped, and the files that are there now are opened, or
-  /// created. Cheap if nothing is due.
+  /// Retries failed writes, deletes acknowledged samples, drops samples, results and ids beyond
+  /// their limits, and prunes the audit trail. A sample's age counts from its write to disk;
+  /// setting the clock makes nothing older or younger. Detects within a minute that the files were
+  /// deleted or replaced: counts their contents as dropped, and opens or creates the files at the
+  /// path. Cheap if nothing is due.
   void upkeep(SteadyTime now, std::int64_t utc_ms);
   /// First part of upkeep(): records the time, in memory. Returns true if the rest has disk work to
   /// do.
   bool note_time(SteadyTime now, std::int64_t utc_ms);
   /// True if upkeep() has something to write soon.
   bool has_pending() const;
-  /// Clean end: closes the file. The next boot continues right after the numbers used.
+  /// Clean end: writes what is pending and closes the file. The next boot continues right after the
+  /// numbers used. Does nothing while the disk refuses writes.
   void close();
 
   /// Left by earlier runs in a file that could not be opened at the start of this one.

@@ -83,7 +83,8 @@ Result<Address> parse_address(Model model, std::string_view text, std::optional<
 bool needs_type(std::string_view text);
 Result<Span> parse_range(Model model, std::string_view text);
 Result<void> check_range(Model model, const Span& span);
-/// Accepts a single bit, whole bytes of a bit device, and whole words.
+/// Accepts a single bit, whole bytes of a bit device, and whole words, but never M8034-M8037 and
+/// M8118.
 Result<void> check_write(Model model, const Span& span);
 
 }  // namespace fxagent::fx

@@ -28,8 +28,9 @@ struct PortArea {
 
 using PortMap = std::span<const PortArea>;
 
-/// Returns the map of a command set on this model. Empty if the model lacks the set (FX0N, FX1S) or
-/// is unknown: the two extended maps have different devices at the same address.
+/// Returns the map of a command set on this model. The classic one is the same for all. The
+/// extended one is empty if the model lacks it (FX0N, FX1S) or is unknown: the two extended maps
+/// have different devices at the same address.
 PortMap map_of(Model model, CommandSet set);
 
 /// Return nullptr if the map has no such area.

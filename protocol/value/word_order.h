@@ -12,8 +12,9 @@
 
 namespace fxagent {
 
-/// True if `number` is not 0 and lies outside 1e-15 to 1e15, as every denormal does. Hardly any
-/// machine measures such values, but a wrong word order produces them from plain numbers.
+/// True if `number` is not 0 and its magnitude lies outside 1e-15 to 1e15, as that of every
+/// denormal does. Hardly any machine measures such values, but a wrong word order produces them
+/// from plain numbers.
 bool is_absurd(double number);
 
 /// Every order. A device without the option `byte_order` has only the first two.

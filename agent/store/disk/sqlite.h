@@ -1,7 +1,7 @@
 // Additions to SQLiteCpp: unsigned 64-bit values, texts and blobs as they lie in a row, running a
 // statement in one call, faults as values, schema migration. Connections, statements and
-// transactions are SQLiteCpp's own. SQLite::Exception never leaves this folder. Independent of
-// samples and commands. One thread at a time.
+// transactions are SQLiteCpp's own. SQLite::Exception never leaves the store: StoreDisk and
+// attempt() catch it. Independent of samples and commands. One thread at a time.
 #pragma once
 
 #include <SQLiteCpp/SQLiteCpp.h>

@@ -1,7 +1,8 @@
 // The store's file, shared by its parts. Opens it, sets a damaged one aside, runs the commits,
-// tracks whether the disk accepts writes, and notices that the calendar was set. Every fault of
-// SQLite ends here: the state becomes `memory` and the call returns false. Opening, failing and
-// committing belong together: a commit that finds damage opens a fresh file. The store's thread.
+// tracks whether the disk accepts writes, and detects that the calendar was set. Catches every
+// fault of SQLite: the call returns false and the state becomes `memory`, except after a failed
+// read() of an intact file. Opening, failing and committing belong together: a commit that finds
+// damage opens a fresh file. The store's thread.
 #pragma once
 
 #include <algorithm>
@@ -56,7 +57,8 @@ class StorePart {
   // the next begin_commit() starts from the stored state. All except committed() throw
   // SQLite::Exception.
   virtual void begin_commit() {}
-  /// Writes at most `at_most` of the entries that wait in memory. Returns true if more are left.
+  /// Writes what waits in memory, at most `at_most` new entries. Deletions and acknowledgements do
+  /// not count. Returns true if entries are left.
   virtual bool write_pending(std::size_t /*at_most*/) { return false; }
   virtual void end_commit() {}
   virtual void committed() {}
@@ -82,7 +84,7 @@ class StoreDisk final {
   /// open(). They outlive every call here except the destructor's.
   void set_parts(std::vector<StorePart*> parts) { parts_ = std::move(parts); }
   bool has_pending() const { return std::ranges::any_of(parts_, &StorePart::has_pending); }
-  /// Within a commit: writes at most `at_most` entries of each part. Returns true if more are left.
+  /// Within a commit: calls write_pending() of each part. Returns true if one has entries left.
   /// Throws SQLite::Exception.
   bool write_pending(std::size_t at_most = std::numeric_limits<std::size_t>::max());
 
@@ -90,6 +92,7 @@ class StoreDisk final {
   /// fxagent.db.corrupt-<utc_ms>. On failure is_writable() is false, and the reason is logged.
   void open();
   /// Tests if an open file that refused writes accepts them again.
+  /// Call only while is_open().
   void try_to_write();
   /// If the open files were deleted or replaced, closes them: their contents are lost. Returns true
   /// if so.
@@ -108,10 +111,10 @@ class StoreDisk final {
   /// Name of the damaged file that was set aside in this run; empty if there is none.
   const std::string& set_aside() const { return set_aside_; }
 
-  /// Records the current time of both clocks. If the calendar was set, shifts the times that this
-  /// run has written by the same amount, those in memory at once. A gateway without a real-time
-  /// clock starts in the past and gets its time over the same network as the broker, after the
-  /// outage.
+  /// Records the current time of both clocks. If the calendar moved by 60 s or more against the
+  /// steady clock, it was set: shifts the times that this run has written by the same amount, those
+  /// in memory at once. A gateway without a real-time clock starts in the past and gets its time
+  /// over the same network as the broker, after the outage.
   void note_time(SteadyTime now, std::int64_t utc_ms);
   /// The time in ms UTC, as last recorded.
   std::int64_t utc_ms() const { return utc_ms_; }
@@ -131,7 +134,7 @@ class StoreDisk final {
   /// Same for reading a single row: after a failure the file stays writable unless it is damaged.
   bool read(const Work& work);
 
-  /// Commits everything that waits in memory, at most 500 entries of each part in one commit.
+  /// Commits everything that waits in memory, at most 500 new entries of each part in one commit.
   /// Returns false if the disk did not accept all of it.
   bool flush();
 

@@ -45,8 +45,8 @@ class CommandTable final {
   /// Deletes refused commands, then acknowledged results, oldest first, at most 200 a call. The ids
   /// of those results stay. Returns false if there was nothing to delete.
   bool shrink();
-  /// Deletes what need not be remembered any more. An unacknowledged result is kept for
-  /// `max_age_ms`, at least 25 h.
+  /// Deletes what need not be remembered any more. Keeps an unacknowledged result for `max_age_ms`,
+  /// at least 25 h, and at most kRememberedIds of them per device.
   void drop_old(std::int64_t utc_ms, std::int64_t max_age_ms);
 
   /// Shifts the times of commands with a number from `from_number` that came up to `received_ms`.

@@ -38,7 +38,8 @@ class StartedCommands final {
   /// since commands that this run has sent are not marked. `next_number`: number of the next
   /// command.
   void begin_anew(std::uint64_t next_number);
-  /// Clean end: every command has its result, so the file is deleted.
+  /// Clean end: deletes the file.
+  /// Call only if every command has its result.
   void close();
 
   /// True if an earlier run surely sent nothing of the command with this number. False for commands

@@ -1,5 +1,6 @@
 // The journal of commands on disk. Entries that the disk refuses wait in memory until it accepts
-// them. Each audit record is in the same commit as its entry. The store's thread.
+// them. An audit record is in the same commit as its entry, unless the disk refused that commit.
+// The store's thread.
 #pragma once
 
 #include <cstddef>

@@ -44,7 +44,8 @@ class GuardedSamples final {
   void remove(const HistoryBatch& batch, Removed then);
   void remove(std::uint64_t row_id, Removed then);
   bool has_waiting(const std::string& device) const;
-  /// True if a row of the stream is on disk, or may be. Younger rows wait for it.
+  /// True if rows of the stream wait on disk or are on their way from there, or may be. Rows in
+  /// memory are younger and wait for them.
   bool is_ahead_of_memory(const StreamKey& stream) const;
   std::map<std::string, std::uint64_t> take_dropped();
   /// Samples in overdue work; no other figure includes them.
@@ -54,7 +55,8 @@ class GuardedSamples final {
   void used(const std::string& device, std::uint64_t seq);
   std::vector<std::uint64_t> join(const std::vector<std::string>& devices, std::int64_t utc_ms);
 
-  /// Call before work of the disk: it hides the rows and the number of dropped ones.
+  /// Call before the disk's thread begins work. Saves what is_ahead_of_memory() and take_dropped()
+  /// return while it hangs.
   void remember();
   /// Call after a hang. Passes the changes that have waited to the store. Returns the rest of them:
   /// work for the disk.

@@ -16,10 +16,10 @@ namespace fxagent {
 
 class SequenceNumbers final : public StorePart {
  public:
-  /// Numbers reserved in one write. A boot uses them without another one.
+  /// Numbers that one write reserves. The next write follows when half of them are used.
   static constexpr std::uint64_t kBlock = 10000;
-  /// Numbers skipped after the last one on disk, if the disk refused and an unknown number
-  /// followed.
+  /// Numbers skipped after the last one on disk if the marker exists: it is unknown how many were
+  /// used since.
   static constexpr std::uint64_t kUnknown = 1000000;
 
   SequenceNumbers(const StoreConfig& config, StoreDisk& disk)

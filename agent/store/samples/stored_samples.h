@@ -36,9 +36,10 @@ class StoredSamples final : public StorePart {
   /// and commands exceed max_bytes, deletes the oldest rows. Returns false if none was written;
   /// then none has changed.
   bool append(std::vector<SampleRow>& rows, Hold hold);
-  /// Returns the next history message of one stream. Drops and counts damaged rows: one of them
-  /// would spoil the whole message. Returns nullopt if no row is left to send, or the file cannot
-  /// be read.
+  /// Fills `message`, which must be empty, with the oldest waiting rows of the stream. No other
+  /// message may take them until remove() or returned(). Drops and counts damaged rows: one of them
+  /// would spoil the whole message. Returns nullopt if no row waits, or the file cannot be read.
+  /// Call only while no message of the stream is on its way.
   std::optional<HistoryBatch> next(const StreamKey& stream, HistoryMessage& message);
   /// Call when the rows are delivered, or never will be. Returns how many were still here; rows
   /// that had to make room were counted as dropped already.

@@ -26,11 +26,11 @@ class CommandIntake final {
   CommandIntake(Commands& commands, Broker& broker, const MqttConfig& mqtt)
       : commands_(commands), broker_(broker), mqtt_(mqtt) {}
 
-  /// Counts a message on any topic.
+  /// Counts a message with QoS 1, on any topic; ignores QoS 0.
   void hear(const Message& message);
   /// Queues a command for the device of this name. If there is no such device when its turn comes,
-  /// the command is refused. QoS 0 messages come as fast as the broker can send; without room they
-  /// are lost, as MQTT allows. With QoS 1 the broker waits.
+  /// the command is refused. Discards a QoS 0 message if there is no room or `results_are_full`:
+  /// these come as fast as the broker can send. With QoS 1 the broker waits.
   void add(Message message, std::string device, bool results_are_full);
   /// Counts messages that the broker's inbox discarded; as a rule they have QoS 0.
   void count_dropped(std::uint64_t count) { dropped_ += count; }

@@ -1,7 +1,6 @@
-// One profile of the config beside the agent's own: an MQTT session, a window and a backlog of its
-// own, so that the death of one broker does not touch the others. The profile gives the form of
-// what is published; delivery is that of the agent's own samples. Uplink thread. Time is an
-// argument.
+// Publishes one profile of the config in an MQTT session of its own, with its own window and
+// backlog, so that the loss of one broker does not touch the others. The profile determines topics
+// and payloads; delivery works as for the agent's own samples. Uplink thread. Time is an argument.
 #pragma once
 
 #include <cstddef>

@@ -1,7 +1,7 @@
 // The profile `plain`: a retained topic for each tag, with its bare value as JSON; null while the
-// tag is bad. A value is published when it changes, and at the begin of each connection. After an
-// outage the values that were missed follow on {topic}/history as [[time, value], …], not retained.
-// A message on {topic}/set writes a tag, if it may be written.
+// tag is bad. A value is published when it changes, and once in each connection. After an outage
+// the values that were missed follow on {topic}/history as [[time, value], …], not retained. A
+// message on {topic}/set writes a tag, if it may be written; the result follows on {topic}/result.
 #pragma once
 
 #include <cstddef>

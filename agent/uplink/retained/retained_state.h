@@ -47,7 +47,8 @@ class RetainedState final : public Outgoing::Sender {
   /// Everything is due except health, whose counters must be requested first.
   void connection_began();
   void connection_ended();
-  /// The same within a connection, because another agent may have overwritten the topics.
+  /// Makes the agent's state, and states and meta of all devices due again: another agent may have
+  /// overwritten them.
   void everything_is_due();
   /// Sets the text of {base}/config/reported. Until then nothing is published there. Empty: the
   /// topic is cleared once. config_report_is_due() publishes it in this connection.

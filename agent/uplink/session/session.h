@@ -48,10 +48,12 @@ class Session final {
   /// Disconnects, and connects to the same server again with Receive Maximum 1. Messages received
   /// so far are answered. Messages queued at the broker are lost with the session, as with every
   /// loss.
+  /// Call only while is_connected().
   void reconnect_one_at_a_time(SteadyTime now);
-  /// Starts again with the first server. Leaves a server that is connected.
+  /// Abandons the present connection or attempt, and starts again with the first server.
   void restart(SteadyTime now);
   /// Leaves this server and connects to the next one, not before 2 s are over.
+  /// Call only while is_connected().
   void go_to_next(SteadyTime now);
   /// If the session is leaving a server, connects again at once: in a shutdown, that broker also
   /// has to receive the final state.

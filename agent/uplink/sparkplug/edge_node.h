@@ -1,6 +1,6 @@
-// What the two profiles of Sparkplug have in common: topics, the births and deaths of the node and
-// its devices in the order in which a host needs them, and whether the primary host is there to see
-// them. Uplink thread. Time is an argument.
+// The common part of the two Sparkplug profiles: topics, the births and deaths of the node and its
+// devices in the order in which a host needs them, and the state of the primary host. Uplink
+// thread. Time is an argument.
 #pragma once
 
 #include <chrono>
@@ -18,7 +18,7 @@
 
 namespace fxagent::sparkplug {
 
-/// Whether the primary host application is online, by its STATE messages (Sparkplug 3.0, section
+/// Tracks from STATE messages if the primary host application is online (Sparkplug 3.0, section
 /// 5.4). Pure, except for the log. Uplink thread.
 class PrimaryHost final {
  public:

@@ -56,7 +56,7 @@ struct Packed {
 using TypedValue = std::variant<std::monostate, bool, std::int64_t, std::uint64_t, float, double,
                                 std::string, Packed>;
 
-/// Returns monostate if the type cannot hold the value.
+/// Returns monostate if `value` is of another kind than `type`. Does not check its range.
 TypedValue typed(const Value& value, Type type);
 
 /// Puts a value into the fields of a message, which both payloads name alike except for the
