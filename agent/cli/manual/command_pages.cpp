@@ -114,9 +114,9 @@ Exit status:
     {"fleet", R"(  fxagent fleet status --broker mqtt://broker --root fx/plant-a
   fxagent fleet push configs/{agent}.json --broker mqtt://broker --root fx/plant-a --agents edge1,edge2
 Exit status:
-  0  status: every agent is online and has the config that it was sent
+  0  status: every agent is online, without a conflict, and has the config that it was sent
      push: every agent has accepted the document; with --skip-offline every agent that is online, and at least one
-  1  not so, or no agent was found
+  1  not so: status and push name the agents; or no agent was found
   2  the arguments or a config are wrong, or the broker does not answer)"},
     {"schema", "  fxagent schema >agent.schema.json"},
     {"decode", R"(  fxagent decode modbus-rtu 11 03 00 6B 00 03 76 87
