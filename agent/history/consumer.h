@@ -2,8 +2,9 @@
 //
 // Exactly once: a batch of messages is committed before the first of them is acknowledged, and a
 // sample that arrives again is not stored again. So an end of this process, of the broker or of the
-// database neither loses nor doubles a row. Exception: with SynchronousCommit::off a crash of the
-// database's server may lose some.
+// database neither loses nor doubles a row. Two exceptions: with SynchronousCommit::off a crash of
+// the database's server may lose rows, and a broker that does not keep its sessions on disk loses
+// what waits in them.
 #pragma once
 
 #include <algorithm>

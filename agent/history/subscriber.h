@@ -47,17 +47,17 @@ class Subscriber final {
   /// Connects, or discards the present connection and connects again. Blocks until the TCP
   /// connection stands. Returns an empty text, or the reason of the failure.
   std::string connect();
-  /// Waits for messages, up to `wait` but at most 1 s. Returns those that have arrived, at most
-  /// `receive_maximum`, or the first that exceed 4 MiB. Call acknowledge() before the next call if
-  /// there are any.
+  /// Waits for messages, up to `wait` but at most 1 s. Returns those that have arrived; stops at
+  /// `receive_maximum` messages, or when their payloads reach 4 MiB. Call acknowledge() before the
+  /// next call if there are any.
   const std::vector<Message>& receive(std::chrono::milliseconds wait);
   /// Acknowledges all messages of the last receive().
   void acknowledge();
   /// Sends a PINGREQ if one is due. Takes and acknowledges no message. Call it at least once a
   /// second while messages are unacknowledged.
   void keep_alive();
-  /// Ends the connection; if messages are unacknowledged, only the destructor does. The broker
-  /// keeps the session, and sends those again.
+  /// Ends the connection. The broker keeps the session. Does nothing while messages are
+  /// unacknowledged: the destructor closes the connection, and the broker sends them again.
   void disconnect();
 
   bool is_connected() const { return connected_; }

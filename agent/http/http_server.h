@@ -73,8 +73,8 @@ class HttpServer final {
   /// Longest time from accept to the last byte of the answer, and longest silence in between.
   static constexpr std::chrono::seconds kLongestConnection{10};
   static constexpr std::chrono::seconds kLongestSilence{5};
-  /// Most requests whose answer comes later (see is_full()), and the longest wait for such an
-  /// answer.
+  /// Largest number of requests that wait for a later answer (see is_full()), and the longest time
+  /// that one waits.
   static constexpr std::ptrdiff_t kMostWaiting = 16;
   static constexpr std::chrono::seconds kLongestWait{120};
 
@@ -86,7 +86,7 @@ class HttpServer final {
   };
 
   /// Must not throw. nullopt: finish() gives the answer later.
-  /// Return nullopt only while is_full() is false: the server has no limit of its own.
+  /// Return nullopt only while is_full() is false: the server does not enforce kMostWaiting.
   using Answer = std::function<std::optional<HttpAnswer>(const HttpRequest& request)>;
 
   /// Takes over the socket. A POST with a longer body than `most_body` gets 413; with 0 every POST

@@ -42,9 +42,9 @@ class StopWatchdog final {
   /// True if a stop signal has come. Any thread.
   bool has_signal();
 
-  /// Sets what the agent is waiting for, for the line of a forced end. `what` is a literal. `more`
-  /// returns details; what it refers to outlives the stage. It runs on the watchdog's thread and
-  /// must not call this object. Main thread.
+  /// Sets what the agent is waiting for; the line of a forced end reports it. `what` is a literal.
+  /// `more` returns details. It runs on the watchdog's thread and must not call this object, and
+  /// what it refers to outlives the stage. Main thread.
   void stage(const char* what, std::function<std::string()> more = {});
   /// Call when everything has been reported and written. If the rest hangs, the watchdog ends the
   /// process with exit status 0 after at most kFreeing. Main thread.

@@ -1,5 +1,5 @@
-// Detects hanging threads of a library that reports nothing about itself: threads that never wait
-// long, and that the kernel has not switched for 2 min. Any one thread.
+// Detects hanging threads of a library that reports nothing about itself. A thread hangs if the
+// kernel has not switched it for 2 min. Only for threads that never wait long. Any one thread.
 #pragma once
 
 #include <chrono>

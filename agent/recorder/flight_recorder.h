@@ -38,7 +38,7 @@ class FlightRecorder final {
   /// Starts the thread. If the directory cannot be used, logs that and tries again at the next
   /// recording. Throws std::system_error if no thread can be started.
   explicit FlightRecorder(Settings settings);
-  /// Writes every pending file at once, then ends the thread.
+  /// Writes every pending file without waiting for its time, then ends the thread.
   ~FlightRecorder() = default;
   FlightRecorder(const FlightRecorder&) = delete;
   FlightRecorder& operator=(const FlightRecorder&) = delete;

@@ -22,7 +22,7 @@ inline constexpr std::size_t kMaxDesiredValues = 200'000;
 
 struct DesiredConfig {
   std::string text;     ///< as received; empty if the document has errors
-  std::string hash;     ///< of the text: the first 16 digits of its SHA-256
+  std::string hash;     ///< of the document as received: the first 16 digits of its SHA-256
   std::string version;  ///< empty if it could not be read
   std::string by;       ///< sender according to the document, not verified; empty if not given
 };
@@ -44,9 +44,9 @@ ReadDesired read_desired(std::string_view payload);
 /// serial port, or host and port, of its link are the same. It keeps its rights there, plus the
 /// ranges of `remote_allow` without a protocol or with its protocol and model. Any other device is
 /// new: commands may write to it only in ranges whose entry names its protocol and model, and
-/// nowhere if the local file has another protocol or model at its port. `commands.allow_run_stop`
-/// in `remote_allow` applies to every device. Any thread may set `stop` to end the search early;
-/// nullptr: it cannot be stopped.
+/// nowhere if the local file has another protocol or model at the same serial port, or host and
+/// port. `commands.allow_run_stop` in `remote_allow` applies to every device. Any thread may set
+/// `stop` to end the search early; nullptr: it cannot be stopped.
 std::vector<ConfigError> beyond_limits(const Config& local, const Config& wanted,
                                        const std::atomic<bool>* stop = nullptr);
 

@@ -52,8 +52,9 @@ struct KeptConfigs {
   bool is_good(const std::optional<KeptConfig>& kept) const;
 };
 
-/// Rolls back the config that the end of the last process counts against, if there is one. `boot`
-/// is the present boot id. Returns the document to judge again; empty if there is none.
+/// Rolls back the config that is to blame for the end of the last process, if there is one: a good
+/// config only after the second such end in a row. `boot` is the present boot id. Returns the
+/// document to judge again; empty if there is none.
 std::string judge_last_run(KeptConfigs& kept, const std::string& boot, std::int64_t now_ms);
 
 /// Room for four documents with every character escaped.

@@ -65,7 +65,7 @@ struct Limits {
   std::uint32_t words = 0;        ///< 0401 and 1401, also for words of bit devices
   std::uint32_t bits = 0;         ///< 0401 and 1401
   std::uint32_t random = 0;       ///< words and double words of 0403
-  std::uint32_t random_cost = 0;  ///< 1402: sum of 12 a word and 14 a double word
+  std::uint32_t random_cost = 0;  ///< 1402: a sum; a word counts 12, a double word 14
   std::uint32_t random_bits = 0;  ///< 1402
   std::uint32_t blocks = 0;       ///< 0406; 0: the PLC lacks it or may lack it
 };

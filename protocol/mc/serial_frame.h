@@ -23,8 +23,8 @@ std::size_t serial_doubles(const Dialect& dialect, ByteView request, std::size_t
 
 /// Result of a search for the answer to one request.
 struct SerialAnswer {
-  /// The image is the data as received. A refusal has no text. In 1C its code is 0 if it is not a
-  /// hex number; the codec reads it again.
+  /// The image is the data as received, in format 5 without the doubling. A refusal has no text. In
+  /// 1C its code is 0 if it is not a hex number; the codec reads it again.
   Decoded reply{};
   bool has_begun = false;  ///< part of the answer is there
 };

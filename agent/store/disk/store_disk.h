@@ -1,8 +1,9 @@
 // The store's file, shared by its parts. Opens it, sets a damaged one aside, runs the commits,
 // tracks whether the disk accepts writes, and detects that the calendar was set. Catches every
-// fault of SQLite: the call returns false and the state becomes `memory`, except after a failed
-// read() of an intact file. Opening, failing and committing belong together: a commit that finds
-// damage opens a fresh file. The store's thread.
+// fault of SQLite: the call returns false, and the state becomes `memory`. It stays `disk` after a
+// failed read() of an intact file, and if a fresh file has replaced a damaged one. Opening, failing
+// and committing belong together: a commit that finds damage opens a fresh file. The store's
+// thread.
 #pragma once
 
 #include <algorithm>

@@ -57,8 +57,8 @@ std::string in_use(const std::string& directory);
 std::string store_file_path(const std::string& directory);
 
 /// Creates the directory (0700) if it does not exist. Refuses a directory in which another user
-/// could replace the store's files; a sticky one is accepted. Returns empty on success, else the
-/// reason.
+/// could replace the store's files: one of another user, except root's, and one that group or
+/// others may write, unless it is sticky. Returns empty on success, else the reason.
 std::string make_store_directory(const std::string& directory);
 
 /// Same, and creates the file (0600). Refuses a link and a file of another user.

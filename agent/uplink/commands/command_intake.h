@@ -30,7 +30,7 @@ class CommandIntake final {
   void hear(const Message& message);
   /// Queues a command for the device of this name. If there is no such device when its turn comes,
   /// the command is refused. Discards a QoS 0 message if there is no room or `results_are_full`:
-  /// these come as fast as the broker can send. With QoS 1 the broker waits.
+  /// such messages come as fast as the broker can send. With QoS 1 the broker waits.
   void add(Message message, std::string device, bool results_are_full);
   /// Counts messages that the broker's inbox discarded; as a rule they have QoS 0.
   void count_dropped(std::uint64_t count) { dropped_ += count; }
