@@ -74,7 +74,8 @@ outside() {
 # shellcheck source=tests/deploy/bare_root.sh
 [ "${1:-}" != --inside ] || . "$root/tests/deploy/bare_root.sh"
 
-# Creates a root named $1 with the clone in /root/fxagent, and mounts what a kernel and an init provide.
+# Creates a root named $1 with the clone in /src, and mounts what a kernel and an init provide. The images are built in
+# /src, too: the compiler's cache serves both only there, because CMake's unity files contain the path.
 make_root() {
   r=$work/$1
   cp -a --reflink=auto "$work/base" "$r"
@@ -83,8 +84,8 @@ make_root() {
   mount --bind "$cache/debs" "$r/var/cache/apt/archives"
   mount --bind "$cache/npm" "$r/root/.npm"
   mount --bind "$CCACHE_DIR" "$r/root/.cache/ccache"
-  git clone --quiet --upload-pack "git -c safe.directory=* upload-pack" "file://$root" "$r/root/fxagent"
-  git -C "$r/root/fxagent" remote remove origin
+  git clone --quiet --upload-pack "git -c safe.directory=* upload-pack" "file://$root" "$r/src"
+  git -C "$r/src" remote remove origin
 }
 
 drop_root() {
@@ -108,7 +109,7 @@ in_root() {
     [ -z "${!name:-}" ] || settings+=("$name=${!name}")
   done
   env -i PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin TERM=dumb "${settings[@]}" \
-    chroot "$r" /bin/sh -c 'cd /root/fxagent && exec "$@"' sh "$@" </dev/null
+    chroot "$r" /bin/sh -c 'cd /src && exec "$@"' sh "$@" </dev/null
 }
 
 # Prints a code block of a file's section by number: code_block FILE SECTION NUMBER

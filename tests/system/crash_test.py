@@ -44,11 +44,14 @@ class Crashes(PlantTest):
     def crash_with(self, point, command):
         """Sends the command to an agent that dies of it, and restarts it. Returns the watcher's mark of the restart."""
         since = self.start_plant(point)
+        boot = self.watcher.wait(f"{BASE}/state", lambda state: state["state"] == "online", since)["boot"]
         self.state("press1", "online", since)
         # After the handshake, so that the next frame belongs to the command.
         self.data(since=since)
         self.send(command)
         self.wait_dead()
+        # Its will is its last message: a state that follows is that of the next process.
+        self.watcher.wait(f"{BASE}/state", lambda state: (state["state"], state["boot"]) == ("offline", boot), since)
         since = self.start_again()
         self.state("press1", "online", since)
         return since
