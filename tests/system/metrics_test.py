@@ -93,7 +93,7 @@ class Metrics(PlantTest):
     def test_a_free_port_of_ipv6_and_a_unix_socket(self):
         self.begin(listen="[::1]:0")
         port = wait_for("the port", lambda: re.search(r"listen=\[::1\]:(\d+)", self.agent.logged()))[1]
-        self.assertEqual(http_ask(int(port), "/healthz", host="::1")[0], 200)
+        wait_for("an agent that is well", lambda: http_ask(int(port), "/healthz", host="::1")[0] == 200)
         self.end_agent()
         path = os.path.join(self.directory, "metrics")
         self.agent.config["metrics"]["listen"] = "unix:" + path
