@@ -146,7 +146,8 @@ def has_rows():
 
 def left_over():
     """Returns all remaining files with the product's name, except those of the project, a broker, caches and logs."""
-    others = ("/root", "/tmp", "/var/cache", "/var/log", "/etc/mosquitto")
+    project = os.path.realpath(os.path.join(os.path.dirname(__file__), "..", ".."))
+    others = (project, "/root", "/tmp", "/var/cache", "/var/log", "/etc/mosquitto")
     apart = [word for place in others for word in ("-not", "-path", place + "/*")]
     return sorted(run("find", "/", "-xdev", "-name", "*fxagent*", *apart).split())
 
