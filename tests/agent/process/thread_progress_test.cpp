@@ -64,7 +64,7 @@ class Worker {
 };
 
 struct ThreadProgressTest : testing::Test {
-  /// Looks this many times, ten seconds apart.
+  /// Checks this many times, ten seconds apart.
   std::string after(int checks, bool excused = false) {
     for (int i = 0; i < checks; ++i) {
       turns.check(now, excused);

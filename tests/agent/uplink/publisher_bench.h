@@ -116,6 +116,19 @@ struct PublisherBench {
     now += by;
     settle();
   }
+  /// Stops, and steps when something has happened or is due, at most `most` times. Fails if a step
+  /// is due at once again.
+  void stop_without_spinning(int most) {
+    made().stop(now);
+    for (int i = 0; i < most; ++i) {
+      settle();
+      const SteadyTime wake = step();
+      if (made().finished()) break;
+      ASSERT_GT(wake, now);
+      now = wake;
+    }
+    EXPECT_TRUE(made().finished());
+  }
   /// Connects and stays connected long enough for the server to count as good.
   void online() {
     settle();
