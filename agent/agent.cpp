@@ -58,10 +58,7 @@ constexpr std::size_t kMostBacklogBytes = std::size_t{64} << 20;
 /// Waits for the signal that ends the agent. Reports to the service manager until then.
 int wait_for_stop(StopWatchdog& watchdog, ServiceReports& reports) {
   while (true) {
-    const auto next = reports.next();
-    if (!next) return watchdog.await_signal();
-    const auto now = std::chrono::steady_clock::now();
-    if (const auto signal = watchdog.await_signal(*next - now)) return *signal;
+    if (const auto signal = watchdog.await_signal(reports.next())) return *signal;
     reports.keep(std::chrono::steady_clock::now());
   }
 }

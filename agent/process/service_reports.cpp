@@ -1,6 +1,5 @@
 #include "agent/process/service_reports.h"
 
-#include <algorithm>
 #include <utility>
 
 #include "agent/log/log.h"
@@ -31,14 +30,9 @@ ServiceReports::ServiceReports(Heartbeats& signs, Sources sources, Time now)
   if (service_manager::is_there()) status_at_ = now;
 }
 
-std::optional<ServiceReports::Time> ServiceReports::next() const {
-  if (feed_at_ && status_at_) return std::min(*feed_at_, *status_at_);
-  return feed_at_ ? feed_at_ : status_at_;
-}
-
 void ServiceReports::keep(Time now) {
-  if (feed_at_ && now >= *feed_at_) feed(now);
-  if (status_at_ && now >= *status_at_) notify_status(now);
+  if (now >= feed_at_) feed(now);
+  if (now >= status_at_) notify_status(now);
 }
 
 void ServiceReports::feed(Time now) {

@@ -2,6 +2,7 @@
 // and pair give signs of life, and sends a status line. Time is an argument. Main thread.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <chrono>
@@ -54,8 +55,8 @@ class ServiceReports final {
   /// interval.
   ServiceReports(Heartbeats& signs, Sources sources, Time now);
 
-  /// Returns the time of the next keep(); nullopt: no service manager listens.
-  std::optional<Time> next() const;
+  /// Returns the time of the next keep(); Time::max(): no service manager listens.
+  Time next() const { return std::min(feed_at_, status_at_); }
   /// Does what is due. If a thread hangs, does not feed the watchdog, and names the thread in the
   /// log and the status.
   void keep(Time now);
@@ -67,11 +68,11 @@ class ServiceReports final {
   Heartbeats& signs_;
   const Sources sources_;
   const std::optional<std::chrono::nanoseconds> feed_every_;  ///< nullopt: no watchdog is set
-  std::optional<Time> feed_at_;
-  std::optional<Time> status_at_;  ///< nullopt: no service manager listens
-  std::string stands_still_;       ///< as last reported; empty: none hangs
-  std::string status_;             ///< as last sent
-  Time sent_at_{};                 ///< time of the last send
+  Time feed_at_ = Time::max();
+  Time status_at_ = Time::max();  ///< max: no service manager listens
+  std::string stands_still_;      ///< as last reported; empty: none hangs
+  std::string status_;            ///< as last sent
+  Time sent_at_{};                ///< time of the last send
 };
 
 }  // namespace fxagent

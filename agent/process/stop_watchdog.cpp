@@ -40,15 +40,9 @@ StopWatchdog::~StopWatchdog() {
   thread_.join();
 }
 
-int StopWatchdog::await_signal() {
+std::optional<int> StopWatchdog::await_signal(std::chrono::steady_clock::time_point deadline) {
   std::unique_lock lock(mutex_);
-  news_.wait(lock, [this] { return signal_ != 0; });
-  return signal_;
-}
-
-std::optional<int> StopWatchdog::await_signal(std::chrono::nanoseconds patience) {
-  std::unique_lock lock(mutex_);
-  if (!news_.wait_for(lock, patience, [this] { return signal_ != 0; })) return std::nullopt;
+  if (!news_.wait_until(lock, deadline, [this] { return signal_ != 0; })) return std::nullopt;
   return signal_;
 }
 
