@@ -105,114 +105,88 @@ std::optional<std::int64_t> us_from(std::string_view text) {
   return *ms * 1000 + *rest;
 }
 
-/// Reads the lines of a recording, one after another.
-class Reader final {
- public:
-  tl::expected<Recording, std::string> read(std::string_view text) {
-    if (text.size() > kMostRecordingBytes)
-      return Fault("the file has " + std::to_string(text.size()) +
-                   " bytes; a recording has at most " + std::to_string(kMostRecordingBytes) +
-                   ": take a file that the recorder wrote");
-    for (; !text.empty(); ++line_) {
-      const std::size_t end = std::min(text.find('\n'), text.size());
-      const std::string why = take(text.substr(0, end));
-      if (!why.empty()) return Fault("line " + std::to_string(line_) + ": " + why);
-      text.remove_prefix(std::min(text.size(), end + 1));
-    }
-    if (line_ == 1) return Fault("line 1: " + wrong_file());
-    return std::move(out_);
-  }
+// ---- the lines of a recording. Each function adds one to `out` and returns the fault in it, or an
+// empty text
 
- private:
-  static std::string wrong_file() {
-    return "a recording begins with \"" + std::string(kFirstLine) +
-           "\": take a file that the recorder wrote, or a newer fxagent";
+std::string take_device(std::string_view line, Recording& out) {
+  if (number_from<std::uint32_t>(next_word(line)) != out.devices.size())
+    return "devices must be numbered 0, 1, 2 … in this order";
+  if (out.devices.size() >= kNoDevice) return "a recording has at most 65,535 devices";
+  RecordedDevice device;
+  device.name = next_word(line);
+  device.protocol = next_word(line);
+  const ProtocolInfo* protocol = find_protocol(device.protocol);
+  if (protocol == nullptr)
+    return "there is no such protocol: `fxagent decode` without arguments lists them";
+  device.options = default_options(*protocol);
+  while (!line.empty()) {
+    const std::string_view word = next_word(line);
+    const std::string_view key = word.substr(0, word.find('='));
+    const auto value =
+        option_value(*protocol, key, word.substr(std::min(word.size(), key.size() + 1)));
+    if (!value) return "a setting of the device is not one of its protocol's, or out of range";
+    device.options[std::string(key)] = *value;
   }
+  if (const auto codec = protocol->make(device.options); !codec) return codec.error().text;
+  out.devices.push_back(std::move(device));
+  return {};
+}
 
-  /// Takes one line. Returns the fault in it, or an empty text.
-  std::string take(std::string_view line) {
-    if (line_ == 1) return line == kFirstLine ? "" : wrong_file();
-    if (line.empty() || line.front() == '#') return {};
-    if (line.front() >= '0' && line.front() <= '9') return frame(line);
-    const std::string_view key = next_word(line);
-    if (key == "device") return device(line);
-    if (key == "number") return {};  // for programs that know no codec
-    if (key == "agent") {
-      out_.head.agent = next_word(line);
-      out_.head.version = line;
-    } else if (key == "link") {
-      out_.head.link = line;
-    } else if (key == "wire") {
-      out_.head.wire = line;
-    } else if (key == "reason") {
-      out_.head.reason = line;
-    } else if (key == "written") {
-      const auto at = us_from(line);
-      if (!at) return "the time must be as in 2026-11-21T08:30:15.250123Z";
-      out_.head.written_us = *at;
-    } else {
-      return "the line begins with none of agent, link, wire, reason, written, device, number and "
-             "a time: a newer fxagent may know it";
-    }
-    return {};
+std::string take_frame(std::string_view line, Recording& out) {
+  RecordedFrame frame;
+  const auto at = us_from(next_word(line));
+  if (!at) return "the time must be as in 2026-11-21T08:30:15.250123Z";
+  frame.at_us = *at;
+  const auto way = std::ranges::find(kWays, next_word(line));
+  if (way == kWays.end()) return "after the time, out, in, failed or unasked must follow";
+  frame.way = static_cast<Way>(way - kWays.begin());
+  const std::string_view device = next_word(line);
+  const auto number = number_from<std::uint16_t>(device);
+  if (device != "-" && (!number || *number >= out.devices.size()))
+    return "the number of the device has no line `device`";
+  frame.device = number.value_or(kNoDevice);
+  const auto after = number_from<double>(next_word(line));
+  if (!after || !(*after >= 0 && *after <= kMostAfterMs))
+    return "the milliseconds must be a number from 0 to 1000000000";
+  frame.after = std::chrono::nanoseconds(std::llround(*after * 1e6));
+  const std::string_view hex = next_word(line);
+  if (hex.empty()) return "the bytes are missing: two hex digits each, or - for none";
+  if (hex != "-") {
+    auto bytes = from_hex(hex);
+    if (!bytes) return bytes.error().text;
+    frame.bytes = std::move(*bytes);
   }
+  frame.note = line;
+  out.frames.push_back(std::move(frame));
+  return {};
+}
 
-  std::string device(std::string_view line) {
-    if (number_from<std::uint32_t>(next_word(line)) != out_.devices.size())
-      return "devices must be numbered 0, 1, 2 … in this order";
-    if (out_.devices.size() >= kNoDevice) return "a recording has at most 65,535 devices";
-    RecordedDevice device;
-    device.name = next_word(line);
-    device.protocol = next_word(line);
-    const ProtocolInfo* protocol = find_protocol(device.protocol);
-    if (protocol == nullptr)
-      return "there is no such protocol: `fxagent decode` without arguments lists them";
-    device.options = default_options(*protocol);
-    while (!line.empty()) {
-      const std::string_view word = next_word(line);
-      const std::string_view key = word.substr(0, word.find('='));
-      const auto value =
-          option_value(*protocol, key, word.substr(std::min(word.size(), key.size() + 1)));
-      if (!value) return "a setting of the device is not one of its protocol's, or out of range";
-      device.options[std::string(key)] = *value;
-    }
-    if (const auto codec = protocol->make(device.options); !codec) return codec.error().text;
-    out_.devices.push_back(std::move(device));
-    return {};
-  }
-
-  std::string frame(std::string_view line) {
-    RecordedFrame frame;
-    const auto at = us_from(next_word(line));
+/// Takes any line after the first.
+std::string take_line(std::string_view line, Recording& out) {
+  if (line.empty() || line.front() == '#') return {};
+  if (line.front() >= '0' && line.front() <= '9') return take_frame(line, out);
+  const std::string_view key = next_word(line);
+  if (key == "device") return take_device(line, out);
+  if (key == "number") return {};  // for programs that know no codec
+  if (key == "agent") {
+    out.head.agent = next_word(line);
+    out.head.version = line;
+  } else if (key == "link") {
+    out.head.link = line;
+  } else if (key == "wire") {
+    out.head.wire = line;
+  } else if (key == "reason") {
+    out.head.reason = line;
+  } else if (key == "written") {
+    const auto at = us_from(line);
     if (!at) return "the time must be as in 2026-11-21T08:30:15.250123Z";
-    frame.at_us = *at;
-    const auto way = std::ranges::find(kWays, next_word(line));
-    if (way == kWays.end()) return "after the time, out, in, failed or unasked must follow";
-    frame.way = static_cast<Way>(way - kWays.begin());
-    const std::string_view device = next_word(line);
-    const auto number = number_from<std::uint16_t>(device);
-    if (device != "-" && (!number || *number >= out_.devices.size()))
-      return "the number of the device has no line `device`";
-    frame.device = number.value_or(kNoDevice);
-    const auto after = number_from<double>(next_word(line));
-    if (!after || !(*after >= 0 && *after <= kMostAfterMs))
-      return "the milliseconds must be a number from 0 to 1000000000";
-    frame.after = std::chrono::nanoseconds(std::llround(*after * 1e6));
-    const std::string_view hex = next_word(line);
-    if (hex.empty()) return "the bytes are missing: two hex digits each, or - for none";
-    if (hex != "-") {
-      auto bytes = from_hex(hex);
-      if (!bytes) return bytes.error().text;
-      frame.bytes = std::move(*bytes);
-    }
-    frame.note = line;
-    out_.frames.push_back(std::move(frame));
-    return {};
+    out.head.written_us = *at;
+  } else {
+    return "the line begins with none of agent, link, wire, reason, written, device, number and "
+           "a time: a newer fxagent may know it";
   }
-
-  Recording out_;
-  std::size_t line_ = 1;
-};
+  return {};
+}
 
 }  // namespace
 
@@ -257,7 +231,22 @@ std::string recording_text(const RecordingHead& head, const RecordedFrames& fram
 }
 
 tl::expected<Recording, std::string> parse_recording(std::string_view text) {
-  return Reader().read(text);
+  if (text.size() > kMostRecordingBytes)
+    return Fault("the file has " + std::to_string(text.size()) +
+                 " bytes; a recording has at most " + std::to_string(kMostRecordingBytes) +
+                 ": take a file that the recorder wrote");
+  if (text.substr(0, text.find('\n')) != kFirstLine)
+    return Fault("line 1: a recording begins with \"" + std::string(kFirstLine) +
+                 "\": take a file that the recorder wrote, or a newer fxagent");
+  text.remove_prefix(std::min(text.size(), kFirstLine.size() + 1));
+  Recording out;
+  for (std::size_t line = 2; !text.empty(); ++line) {
+    const std::size_t end = std::min(text.find('\n'), text.size());
+    const std::string why = take_line(text.substr(0, end), out);
+    if (!why.empty()) return Fault("line " + std::to_string(line) + ": " + why);
+    text.remove_prefix(std::min(text.size(), end + 1));
+  }
+  return out;
 }
 
 Replay::Replay(Recording recording) : recording_(std::move(recording)) {
