@@ -47,12 +47,6 @@ class TracedIterator {
 /// Builds the tree from the library's SAX events. Folds arrays inside of `folded_depth` brackets.
 class TreeBuilder {
  public:
-  using number_integer_t = Json::number_integer_t;
-  using number_unsigned_t = Json::number_unsigned_t;
-  using number_float_t = Json::number_float_t;
-  using string_t = Json::string_t;
-  using binary_t = Json::binary_t;
-
   TreeBuilder(ConfigNode& root, std::string_view text, const std::size_t& taken,
               std::size_t folded_depth, const TreeBounds& bounds)
       : root_(root), text_(text), taken_(taken), folded_depth_(folded_depth), bounds_(bounds) {}
@@ -63,27 +57,27 @@ class TreeBuilder {
   bool boolean(bool value) {
     return leaf(Kind::boolean, [&](ConfigNode& node) { node.boolean = value; });
   }
-  bool number_integer(number_integer_t value) {
+  bool number_integer(std::int64_t value) {
     return leaf(Kind::integer, [&](ConfigNode& node) {
       node.integer = value;
       node.number = static_cast<double>(value);
     });
   }
-  bool number_unsigned(number_unsigned_t value) {
+  bool number_unsigned(std::uint64_t value) {
     if (std::in_range<std::int64_t>(value)) return number_integer(static_cast<std::int64_t>(value));
     return number_float(static_cast<double>(value), std::to_string(value));
   }
-  bool number_float(number_float_t value, const string_t& spelled) {
+  bool number_float(double value, const std::string& spelled) {
     return leaf(Kind::number, [&](ConfigNode& node) {
       node.number = value;
       node.text = spelled;
     });
   }
-  bool string(string_t& value) {
+  bool string(std::string& value) {
     return leaf(Kind::string, [&](ConfigNode& node) { node.text = std::move(value); });
   }
-  bool binary(binary_t&) { return false; }  // not in a JSON text
-  bool key(string_t& value) {
+  bool binary(Json::binary_t&) { return false; }  // not in a JSON text
+  bool key(std::string& value) {
     accepted_.end = taken_;
     accepted_.is_key = true;
     if (is_folding()) return true;
