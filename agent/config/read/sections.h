@@ -100,15 +100,10 @@ void warn_of_silence(ConfigReader& reader, const ConfigNode& node, const GroupCo
 void warn_of_lines(ConfigReader& reader, const ConfigNode& links,
                    std::span<const SerialSettings> lines, const Config& config);
 
-/// Finds devices with the same station or unit on one link.
-class StationTable {
- public:
-  /// Warns if an earlier device has the station or unit of this one.
-  void add(ConfigReader& reader, const DeviceEntry& entry, const DeviceConfig& device);
-
- private:
-  /// Entry of the first device, by link and number.
-  std::map<std::pair<std::uint32_t, std::int64_t>, const ConfigNode*> first_;
-};
+/// Entry of the first device with a station or unit, by link and number.
+using Stations = std::map<std::pair<std::uint32_t, std::int64_t>, const ConfigNode*>;
+/// Adds the station or unit of the device. Warns if an earlier device on the link has it.
+void warn_of_station(ConfigReader& reader, const DeviceEntry& entry, const DeviceConfig& device,
+                     Stations& stations);
 
 }  // namespace fxagent

@@ -99,12 +99,13 @@ void warn_of_lines(ConfigReader& reader, const ConfigNode& links,
   }
 }
 
-void StationTable::add(ConfigReader& reader, const DeviceEntry& entry, const DeviceConfig& device) {
+void warn_of_station(ConfigReader& reader, const DeviceEntry& entry, const DeviceConfig& device,
+                     Stations& stations) {
   if (device.options == nullptr) return;
   for (const auto key : {"station"sv, "unit"sv}) {
     const auto* number = option<std::int64_t>(*device.options, key);
     if (number == nullptr) continue;
-    const auto [first, fresh] = first_.emplace(std::pair(device.link, *number), &entry.node());
+    const auto [first, fresh] = stations.emplace(std::pair(device.link, *number), &entry.node());
     if (fresh) continue;
     const ConfigNode* given = entry.in_file(key);
     reader.warn(given != nullptr ? *given : entry.node(),

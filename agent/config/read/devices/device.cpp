@@ -521,7 +521,7 @@ void DeviceReader::read_allow(const ConfigNode& list) {
 void read_devices(ConfigReader& reader, const ConfigNode& top, const ConfigNode& devices,
                   Links& links, Config& config) {
   NameTable names;
-  StationTable stations;
+  Stations stations;
   SharedParts shared;
   Templates templates(reader, top);
   config.devices.reserve(devices.children.size());
@@ -536,7 +536,7 @@ void read_devices(ConfigReader& reader, const ConfigNode& top, const ConfigNode&
       names.add(reader, device.name, name != nullptr ? *name : entry.node(), index);
     join_link(reader, entry, links, device);
     device_reader.read_rest();
-    stations.add(reader, entry, device);
+    warn_of_station(reader, entry, device, stations);
   };
   for (const ConfigNode& node : devices.children) {
     if (reader.is_over()) break;
