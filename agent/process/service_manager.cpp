@@ -65,8 +65,7 @@ void notify_status(std::string_view line) {
   // Do not cut a character in two: systemd ignores text that is not UTF-8.
   std::string text(beginning(line, kMostStatusBytes));
   // A second line would be another message.
-  std::ranges::replace_if(
-      text, [](unsigned char c) { return c < ' ' || c == 0x7F; }, ' ');
+  std::ranges::replace_if(text, is_control, ' ');
   tell("STATUS=" + text, Patience::none);
 }
 

@@ -23,8 +23,7 @@ constexpr double kMostAfterMs = 1e9;
 
 std::string one_line(std::string_view text) {
   std::string line(text);
-  std::ranges::replace_if(
-      line, [](char c) { return (c >= 0 && c < ' ') || c == 0x7F; }, '?');
+  std::ranges::replace_if(line, is_control, '?');
   return line;
 }
 

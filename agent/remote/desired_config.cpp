@@ -12,6 +12,7 @@
 #include "agent/config/suggestions.h"
 #include "agent/text/json.h"
 #include "agent/text/sha256.h"
+#include "agent/text/text.h"
 
 namespace fxagent {
 namespace {
@@ -42,10 +43,9 @@ void report(ErrorList& errors, const ConfigNode& at, std::string text) {
 }
 
 std::string read_word(ErrorList& errors, const ConfigNode& node) {
-  const bool is_word =
-      node.kind == Kind::string && !node.text.empty() && node.text.size() <= kMaxDesiredVersion &&
-      std::ranges::none_of(
-          node.text, [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7F; });
+  const bool is_word = node.kind == Kind::string && !node.text.empty() &&
+                       node.text.size() <= kMaxDesiredVersion &&
+                       std::ranges::none_of(node.text, is_control);
   if (is_word) return node.text;
   report(errors, node,
          "must be a string of 1 to " + std::to_string(kMaxDesiredVersion) +

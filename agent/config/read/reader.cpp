@@ -53,10 +53,6 @@ std::size_t place_of_n(std::string_view text, std::size_t from = 0) {
   return from;
 }
 
-bool has_control(std::string_view text) {
-  return std::ranges::any_of(text, [](char c) { return (c >= 0 && c < 0x20) || c == 0x7F; });
-}
-
 }  // namespace
 
 bool has_place_of_n(std::string_view text) { return place_of_n(text) != std::string_view::npos; }
@@ -218,7 +214,7 @@ std::optional<std::string> ConfigReader::text(const ConfigNode& node) {
   else if (value->empty())
     error(node,
           "must not be empty" + (node.text.empty() ? "" : ", \"" + shown(node.text) + "\" is"));
-  else if (has_control(*value))
+  else if (std::ranges::any_of(*value, is_control))
     error(node, "must not have control characters");
   else
     return *std::move(value);
@@ -247,7 +243,7 @@ std::optional<ConfigReader::Secret> ConfigReader::secret(const ConfigNode& paren
                                "for a literal \"${\" write \"$${\"");
   else if (value->empty())
     error(*node, "must not be empty");
-  else if (has_control(*value))
+  else if (std::ranges::any_of(*value, is_control))
     error(*node, "must not have control characters");
   else
     return Secret{*std::move(value), !is_variable};
