@@ -31,60 +31,50 @@ constexpr std::array kHeaders{
     std::pair("Cross-Origin-Resource-Policy", "same-origin"),
     std::pair("Cache-Control", "no-cache")};
 
+/// A function of the library, or null; becomes a pointer of the type that it is assigned to.
+struct FoundFunction {
+  void* address = nullptr;
+  template <class Function>
+  operator Function*() const {
+    return reinterpret_cast<Function*>(address);
+  }
+};
+
 /// Functions of libmicrohttpd that are used, named without MHD_. It is loaded when it is first
 /// needed: linking it would bring GnuTLS and eight more libraries into every process, even into an
 /// agent that serves no metrics.
 struct HttpLibrary {
-  decltype(&MHD_start_daemon) start_daemon;
-  decltype(&MHD_stop_daemon) stop_daemon;
-  decltype(&MHD_run) run;
-  decltype(&MHD_get_timeout) get_timeout;
-  decltype(&MHD_get_daemon_info) get_daemon_info;
-  decltype(&MHD_get_connection_info) get_connection_info;
-  decltype(&MHD_lookup_connection_value) lookup_connection_value;
-  decltype(&MHD_get_connection_values) get_connection_values;
-  decltype(&MHD_create_response_from_buffer_with_free_callback_cls) create_response;
-  decltype(&MHD_add_response_header) add_response_header;
-  decltype(&MHD_queue_response) queue_response;
-  decltype(&MHD_destroy_response) destroy_response;
-  decltype(&MHD_suspend_connection) suspend_connection;
-  decltype(&MHD_resume_connection) resume_connection;
+  FoundFunction find(const char* name) {
+    void* const address = is_whole ? ::dlsym(library, name) : nullptr;
+    is_whole = address != nullptr;
+    return {address};
+  }
+
+  void* library = ::dlopen(kLibrary, RTLD_NOW | RTLD_LOCAL);
+  bool is_whole = library != nullptr;  ///< and so far it has every function
+  decltype(&MHD_start_daemon) start_daemon = find("MHD_start_daemon");
+  decltype(&MHD_stop_daemon) stop_daemon = find("MHD_stop_daemon");
+  decltype(&MHD_run) run = find("MHD_run");
+  decltype(&MHD_get_timeout) get_timeout = find("MHD_get_timeout");
+  decltype(&MHD_get_daemon_info) get_daemon_info = find("MHD_get_daemon_info");
+  decltype(&MHD_get_connection_info) get_connection_info = find("MHD_get_connection_info");
+  decltype(&MHD_lookup_connection_value) lookup_connection_value =
+      find("MHD_lookup_connection_value");
+  decltype(&MHD_get_connection_values) get_connection_values = find("MHD_get_connection_values");
+  decltype(&MHD_create_response_from_buffer_with_free_callback_cls) create_response =
+      find("MHD_create_response_from_buffer_with_free_callback_cls");
+  decltype(&MHD_add_response_header) add_response_header = find("MHD_add_response_header");
+  decltype(&MHD_queue_response) queue_response = find("MHD_queue_response");
+  decltype(&MHD_destroy_response) destroy_response = find("MHD_destroy_response");
+  decltype(&MHD_suspend_connection) suspend_connection = find("MHD_suspend_connection");
+  decltype(&MHD_resume_connection) resume_connection = find("MHD_resume_connection");
 };
-
-template <class Function>
-bool find_function(void* library, const char* name, Function& function) {
-  function = reinterpret_cast<Function>(::dlsym(library, name));
-  return function != nullptr;
-}
-
-std::optional<HttpLibrary> loaded_library() {
-  void* const library = ::dlopen(kLibrary, RTLD_NOW | RTLD_LOCAL);
-  if (library == nullptr) return std::nullopt;
-  HttpLibrary found{};
-  const bool whole =
-      find_function(library, "MHD_start_daemon", found.start_daemon) &&
-      find_function(library, "MHD_stop_daemon", found.stop_daemon) &&
-      find_function(library, "MHD_run", found.run) &&
-      find_function(library, "MHD_get_timeout", found.get_timeout) &&
-      find_function(library, "MHD_get_daemon_info", found.get_daemon_info) &&
-      find_function(library, "MHD_get_connection_info", found.get_connection_info) &&
-      find_function(library, "MHD_lookup_connection_value", found.lookup_connection_value) &&
-      find_function(library, "MHD_get_connection_values", found.get_connection_values) &&
-      find_function(library, "MHD_create_response_from_buffer_with_free_callback_cls",
-                    found.create_response) &&
-      find_function(library, "MHD_add_response_header", found.add_response_header) &&
-      find_function(library, "MHD_queue_response", found.queue_response) &&
-      find_function(library, "MHD_destroy_response", found.destroy_response) &&
-      find_function(library, "MHD_suspend_connection", found.suspend_connection) &&
-      find_function(library, "MHD_resume_connection", found.resume_connection);
-  return whole ? std::optional(found) : std::nullopt;
-}
 
 /// Returns null if the library is not installed, or not the version that this program was built
 /// with. Once loaded it stays.
 const HttpLibrary* http_library() {
-  static const std::optional<HttpLibrary> library = loaded_library();
-  return library ? &*library : nullptr;
+  static const HttpLibrary library;
+  return library.is_whole ? &library : nullptr;
 }
 
 /// Reference to the body, owned by the response that sends it.
