@@ -7,6 +7,7 @@
 #include <array>
 #include <chrono>
 #include <cstddef>
+#include <functional>
 #include <limits>
 #include <optional>
 #include <sstream>
@@ -127,9 +128,11 @@ class Page final {
     made.label = std::move(labels);
     return made;
   }
-  void add(Labels labels, double value) {
+  /// Does nothing without a value.
+  void add(Labels labels, std::optional<double> value) {
+    if (!value) return;
     ClientMetric& made = series(std::move(labels));
-    (family_.front().type == kCounter ? made.counter.value : made.gauge.value) = value;
+    (family_.front().type == kCounter ? made.counter.value : made.gauge.value) = *value;
   }
   void add(Labels labels, const DurationHistogram& durations) {
     ClientMetric& made = series(std::move(labels));
@@ -151,10 +154,19 @@ class Page final {
     add({}, value);
   }
 
-  Labels link(std::size_t index) const { return {{"link", config_.links[index].name}}; }
-  Labels device(std::size_t index) const {
-    const DeviceConfig& device = config_.devices[index];
+  static Labels labels_of(const LinkConfig& link) { return {{"link", link.name}}; }
+  Labels labels_of(const DeviceConfig& device) const {
     return {{"device", device.name}, {"link", config_.links[device.link].name}};
+  }
+
+  /// Adds a family with a series for each link or device, except vacant places that a reload
+  /// leaves. `list` is indexed as `places`, and may be shorter.
+  template <class Places, class List, class Value>
+  void of_each(std::string_view name, MetricType type, std::string_view help, const Places& places,
+               const List& list, Value value) {
+    begin(name, type, help);
+    for (std::size_t i = 0; i < std::min(list.size(), places.size()); ++i)
+      if (!places[i].is_vacant()) add(labels_of(places[i]), std::invoke(value, list[i]));
   }
 
   void of_agent() {
@@ -240,40 +252,17 @@ class Page final {
     add({}, status_.command_durations);
   }
 
-  /// Visits the first `count` links, except vacant places that a reload leaves.
-  template <class Do>
-  void for_each_link(std::size_t count, Do what) {
-    for (std::size_t i = 0; i < count; ++i)
-      if (!config_.links[i].is_vacant()) what(i);
-  }
-
   void of_links() {
-    const auto& links = status_.field->links;
-    const std::size_t count = std::min(links.size(), config_.links.size());
-    for (const OfLink& each : kOfLinks) {
-      begin(each.name, each.type, each.help);
-      for_each_link(count, [&](std::size_t i) { add(link(i), each.value(links[i])); });
-    }
+    const auto& counters = status_.field->links;
+    for (const OfLink& each : kOfLinks)
+      of_each(each.name, each.type, each.help, config_.links, counters, each.value);
     const auto& durations = status_.field->durations;
-    if (durations.size() < count) return;
-    begin("fxagent_exchange_turnaround_seconds", kHistogram,
-          "The devices' own time in exchanges that were answered.");
-    for_each_link(count, [&](std::size_t i) { add(link(i), durations[i].turnaround); });
-    begin("fxagent_poll_lateness_seconds", kHistogram,
-          "Delay of poll cycles after their due time.");
-    for_each_link(count, [&](std::size_t i) { add(link(i), durations[i].lateness); });
-  }
-
-  /// Adds a family with a series for each device that `value` returns a number for. `list` is
-  /// indexed as Config::devices, and may be shorter.
-  template <class List, class Value>
-  void of_each_device(std::string_view name, MetricType type, std::string_view help,
-                      const List& list, Value value) {
-    begin(name, type, help);
-    for (std::size_t i = 0; i < std::min(list.size(), config_.devices.size()); ++i) {
-      if (config_.devices[i].is_vacant()) continue;
-      if (const std::optional<double> known = value(list[i])) add(device(i), *known);
-    }
+    of_each("fxagent_exchange_turnaround_seconds", kHistogram,
+            "The devices' own time in exchanges that were answered.", config_.links, durations,
+            &LinkDurations::turnaround);
+    of_each("fxagent_poll_lateness_seconds", kHistogram,
+            "Delay of poll cycles after their due time.", config_.links, durations,
+            &LinkDurations::lateness);
   }
 
   void of_devices() {
@@ -283,21 +272,21 @@ class Page final {
         return device == nullptr ? std::nullopt : std::optional(yes(is_so(device->state)));
       };
     };
-    of_each_device("fxagent_device_up", kGauge, "1 if the device answers.", status_.devices,
-                   whether([](State state) { return state >= State::degraded; }));
-    of_each_device("fxagent_device_degraded", kGauge,
-                   "1 if the device answers but a tag is bad or its model is not known.",
-                   status_.devices, whether([](State state) { return state == State::degraded; }));
+    of_each("fxagent_device_up", kGauge, "1 if the device answers.", config_.devices,
+            status_.devices, whether([](State state) { return state >= State::degraded; }));
+    of_each("fxagent_device_degraded", kGauge,
+            "1 if the device answers but a tag is bad or its model is not known.", config_.devices,
+            status_.devices, whether([](State state) { return state == State::degraded; }));
     const auto& counters = status_.field->devices;
-    of_each_device("fxagent_polls_total", kCounter, "Poll cycles begun.", counters,
-                   [](const DeviceHealth& device) { return number(device.polls); });
-    of_each_device("fxagent_missed_polls_total", kCounter, "Poll intervals skipped.", counters,
-                   [](const DeviceHealth& device) { return number(device.missed); });
-    of_each_device("fxagent_device_samples_dropped_total", kCounter,
-                   "Samples of the device that are lost.", status_.dropped, number);
-    of_each_device("fxagent_device_samples_refused", kGauge,
-                   "1 if the broker refuses the device's samples now.", status_.refused,
-                   [](const std::string& why) { return yes(!why.empty()); });
+    of_each("fxagent_polls_total", kCounter, "Poll cycles begun.", config_.devices, counters,
+            [](const DeviceHealth& device) { return number(device.polls); });
+    of_each("fxagent_missed_polls_total", kCounter, "Poll intervals skipped.", config_.devices,
+            counters, [](const DeviceHealth& device) { return number(device.missed); });
+    of_each("fxagent_device_samples_dropped_total", kCounter,
+            "Samples of the device that are lost.", config_.devices, status_.dropped, number);
+    of_each("fxagent_device_samples_refused", kGauge,
+            "1 if the broker refuses the device's samples now.", config_.devices, status_.refused,
+            [](const std::string& why) { return yes(!why.empty()); });
   }
 
   void of_connections() {
