@@ -1,5 +1,5 @@
 // The newest commands, and a form that sends one.
-import {card, el, facts, show, state, table} from './dom.js';
+import {card, el, facts, field, show, state, table} from './dom.js';
 import {data} from './data.js';
 import {newId, order} from './order.js';
 import {clock, ms, value} from './words.js';
@@ -7,7 +7,6 @@ import {clock, ms, value} from './words.js';
 const KIND = {SUCCEEDED: 'ok', PARTIAL: 'warn', UNKNOWN_OUTCOME: 'warn', FAILED: 'bad', REJECTED: 'idle', EXPIRED: 'idle', DUPLICATE: 'idle'};
 const OPS = {write: 'write', force_on: 'force on', force_off: 'force off', read: 'read'};
 
-const field = (name, input) => el('label', {class: 'field'}, el('span', {class: 'small soft'}, name), input);
 const says = (one) => [one.reason, one.detail].filter(Boolean).join(': ');
 
 // Numbers stay as they are typed: JavaScript would round the large ones.
@@ -70,10 +69,10 @@ function row(one) {
   const target = one.targets > 1 ? `${one.target} and ${one.targets - 1} more` : one.target;
   const frames = one.frames.length
     ? el('details', {}, el('summary', {}, `${one.frames.length} frames`), el('pre', {}, one.frames.map(([way, hex]) => `${way} ${hex}`).join('\n'))) : null;
-  return el('tr', {}, el('td', {class: 'time'}, clock(one.ts)), el('td', {}, state(KIND[one.status] ?? 'idle', one.status)), el('td', {}, one.device),
-    el('td', {class: 'text'}, `${OPS[one.op] ?? one.op} ${target}`, one.value === null ? '' : ` = ${value(one.value)}`),
-    el('td', {}, one.by || '–'), el('td', {class: 'number'}, one.bound_ms === null ? '–' : `${ms(one.took_ms)} of ${ms(one.bound_ms)}`),
-    el('td', {class: 'text'}, says(one), frames, el('div', {class: 'small soft'}, one.id)));
+  return [clock(one.ts), state(KIND[one.status] ?? 'idle', one.status), one.device,
+    [`${OPS[one.op] ?? one.op} ${target}`, one.value === null ? '' : ` = ${value(one.value)}`],
+    one.by || '–', one.bound_ms === null ? '–' : `${ms(one.took_ms)} of ${ms(one.bound_ms)}`,
+    [says(one), frames, el('div', {class: 'small soft'}, one.id)]];
 }
 
 export function commands(main) {
@@ -88,7 +87,8 @@ export function commands(main) {
       if (data.lastCommands.length === 0) return el('p', {class: 'soft'}, 'No command has arrived since the agent started.');
       return [facts(Object.entries(data.commands).map(([status, count]) => [status, String(count)])),
         el('p', {class: 'soft small'}, `The newest ${data.lastCommands.length}. Each command and its result is in the audit: fxagent audit.`),
-        table(['time', 'result', 'device', 'what', 'by', {name: 'time, bound', number: true}, 'answer'], data.lastCommands.toReversed().map(row))];
+        table([{name: 'time', is: 'time'}, 'result', 'device', {name: 'what', is: 'text'}, 'by', {name: 'time, bound', is: 'number'},
+          {name: 'answer', is: 'text'}], data.lastCommands.toReversed().map(row))];
     });
   }
   return {draw};

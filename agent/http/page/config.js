@@ -7,8 +7,8 @@ function device(one) {
   return card(pairs([['link', data.config.links[one.link].name], ['protocol', `${one.protocol} ${one.model}`], ['timeout', `${one.timeout_ms} ms`],
     ['commands may use', one.allow.length ? one.allow.join(', ') : 'no raw addresses']]),
   ...one.groups.map((group) => el('div', {}, el('p', {}, el('strong', {}, group.name), ` every ${group.interval_ms} ms`, group.on_change ? ', on change' : ''),
-    table(['tag', 'address', 'type', 'unit', 'access', 'description'], group.tags.map(([name, address, type, unit, writable, description]) => el('tr', {},
-      el('td', {}, name), el('td', {}, address), el('td', {}, type), el('td', {}, unit), el('td', {}, writable ? 'read, write' : 'read'), el('td', {class: 'text'}, description)))))));
+    table(['tag', 'address', 'type', 'unit', 'access', {name: 'description', is: 'text'}],
+      group.tags.map(([name, address, type, unit, writable, description]) => [name, address, type, unit, writable ? 'read, write' : 'read', description])))));
 }
 
 export function config(main) {
@@ -26,7 +26,8 @@ export function config(main) {
         ['remote config', now.remote ? `${now.remote.state} ${now.remote.version}` : 'not allowed']]),
       now.reload?.errors.length ? el('ul', {}, now.reload.errors.map((error) => el('li', {}, error))) : null,
       in_force.warnings.length ? [el('p', {}, state('warn', 'warnings')), el('ul', {}, in_force.warnings.map((warning) => el('li', {}, warning)))] : null));
-    show(list, in_force.hash, () => [el('h2', {}, 'Links'), table(['link', 'wire'], in_force.links.filter(Boolean).map((link) => el('tr', {}, el('td', {}, link.name), el('td', {class: 'text'}, link.wire)))),
+    show(list, in_force.hash, () => [el('h2', {}, 'Links'),
+      table(['link', {name: 'wire', is: 'text'}], in_force.links.filter(Boolean).map((link) => [link.name, link.wire])),
       el('h2', {}, 'Devices'), ...lazily(in_force.devices.filter(Boolean))]);
   }
   return {draw};

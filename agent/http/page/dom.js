@@ -22,12 +22,14 @@ export function show(node, key, make) {
 
 export const state = (kind, word) => el('span', {class: `state ${kind}`}, word);
 
+// A row is a list of cells. A head is its text, or {name, is} with the class of the cells below it.
 export function table(heads, rows) {
   return el('div', {class: 'scroll', tabindex: 0, role: 'group', 'aria-label': 'table'}, el('table', {},
-    el('thead', {}, el('tr', {}, heads.map((head) => el('th', {scope: 'col', class: head.number && 'number'}, head.name ?? head)))),
-    el('tbody', {}, rows)));
+    el('thead', {}, el('tr', {}, heads.map((head) => el('th', {scope: 'col', class: head.is === 'number' && 'number'}, head.name ?? head)))),
+    el('tbody', {}, rows.map((cells) => el('tr', {}, cells.map((cell, column) => el('td', {class: heads[column].is}, cell)))))));
 }
 
+export const field = (name, input) => el('label', {class: 'field'}, el('span', {class: 'small soft'}, name), input);
 export const card = (...children) => el('section', {class: 'card'}, ...children);
 export const pairs = (list) => el('dl', {class: 'pairs'}, list.map(([name, value]) => [el('dt', {}, name), el('dd', {}, value)]));
 export const facts = (list) => el('dl', {class: 'facts'}, list.map(([name, value]) => el('div', {}, el('dt', {}, name), el('dd', {}, value))));

@@ -1,5 +1,5 @@
 // The frames on a wire as they pass, each with its meaning.
-import {card, el} from './dom.js';
+import {card, el, pairs} from './dom.js';
 import {data, frames} from './data.js';
 
 const MOST = 200;
@@ -10,7 +10,7 @@ const clock = (us) => `${new Date(us / 1000).toLocaleTimeString([], {hour12: fal
 function row(one) {
   const line = `${clock(one.at_us)} ${WAY[one.way]} ${one.device}${one.after_ms ? ` ${one.after_ms.toFixed(1)} ms` : ''}`;
   return el('details', {class: `frame ${one.way}`}, el('summary', {}, el('span', {class: 'soft small'}, line), ' ', one.says || one.hex),
-    el('pre', {}, one.hex), one.fields.length ? el('dl', {class: 'pairs'}, one.fields.map(([name, value]) => [el('dt', {}, name), el('dd', {}, value)])) : null);
+    el('pre', {}, one.hex), one.fields.length ? pairs(one.fields) : null);
 }
 
 // Shows the frames of link `l` from now on, until stop().

@@ -39,10 +39,9 @@ function bar(l, groups) {
     el('p', {class: 'small soft'}, sum > 1 ? `The poll intervals ask for ${Math.round(sum * 100)} % of the line: every group is polled less often.`
       : sum > 0 ? `As planned with the configured turnaround, the polls take ${Math.round(sum * 100)} % of the line time.` : 'The speed of the line is not known, so the plan has no times.'),
     drawn,
-    table(['group', {name: 'interval', number: true}, {name: 'exchanges', number: true}, {name: 'line time', number: true}, {name: 'share', number: true}],
-      parts.map((part) => el('tr', {}, el('td', {}, part.name), el('td', {class: 'number'}, part.interval ? `${part.interval} ms` : 'as fast as possible'),
-        el('td', {class: 'number'}, String(part.exchanges)), el('td', {class: 'number'}, part.ms === null ? '–' : `${part.ms.toFixed(1)} ms`),
-        el('td', {class: 'number'}, part.share === null ? '–' : `${(part.share * 100).toFixed(1)} %`))))];
+    table(['group', {name: 'interval', is: 'number'}, {name: 'exchanges', is: 'number'}, {name: 'line time', is: 'number'}, {name: 'share', is: 'number'}],
+      parts.map((part) => [part.name, part.interval ? `${part.interval} ms` : 'as fast as possible', String(part.exchanges),
+        part.ms === null ? '–' : `${part.ms.toFixed(1)} ms`, part.share === null ? '–' : `${(part.share * 100).toFixed(1)} %`]))];
 }
 
 function counters(link) {
@@ -50,24 +49,23 @@ function counters(link) {
     ['damaged answers', String(link.bad_frames)], ['unexpected bytes', String(link.unexpected_bytes)],
     ['response time', `${ms(link.p50)}, p99 ${ms(link.p99)}`]]),
   link.last_error ? el('p', {}, state('warn', 'last error'), ` ${clock(link.last_error_ts)} ${link.last_error}`) : null,
-  table(['group', {name: 'asked', number: true}, {name: 'reached', number: true}], link.devices.flatMap((one) => {
+  table(['group', {name: 'asked', is: 'number'}, {name: 'reached', is: 'number'}], link.devices.flatMap((one) => {
     const device = data.config.devices[one.d];
-    return device.groups.map((group, g) => el('tr', {}, el('td', {}, `${device.name} ${group.name}`),
-      el('td', {class: 'number'}, group.interval_ms ? `${group.interval_ms} ms` : 'as fast as possible'),
-      el('td', {class: 'number'}, one.reached_ms[g] ? `${one.reached_ms[g]} ms` : '–')));
+    return device.groups.map((group, g) => [`${device.name} ${group.name}`,
+      group.interval_ms ? `${group.interval_ms} ms` : 'as fast as possible', one.reached_ms[g] ? `${one.reached_ms[g]} ms` : '–']);
   })),
-  table(['device', {name: 'polls', number: true}, {name: 'skipped', number: true}, {name: 'late, p50', number: true}, {name: 'late, p99', number: true}, {name: 'samples dropped', number: true}],
-    link.devices.map((one) => el('tr', {}, el('td', {}, data.config.devices[one.d].name), el('td', {class: 'number'}, String(one.polls)),
-      el('td', {class: 'number'}, String(one.missed)), el('td', {class: 'number'}, ms(one.late_p50)), el('td', {class: 'number'}, ms(one.late_p99)), el('td', {class: 'number'}, String(one.dropped)))))].filter(Boolean);
+  table(['device', {name: 'polls', is: 'number'}, {name: 'skipped', is: 'number'}, {name: 'late, p50', is: 'number'}, {name: 'late, p99', is: 'number'}, {name: 'samples dropped', is: 'number'}],
+    link.devices.map((one) => [data.config.devices[one.d].name, String(one.polls), String(one.missed),
+      ms(one.late_p50), ms(one.late_p99), String(one.dropped)]))].filter(Boolean);
 }
 
 function devices(l) {
-  return table(['device', 'state', 'since', 'model', 'what to check'], devicesOf(l).map(([d, device]) => {
+  return table(['device', 'state', {name: 'since', is: 'time'}, 'model', {name: 'what to check', is: 'text'}], devicesOf(l).map(([d, device]) => {
     const now = data.devices.get(d);
-    return el('tr', {}, el('td', {}, device.name), el('td', {}, state(kindOf(now?.state), now?.state ?? 'starting')),
-      el('td', {class: 'time'}, now ? `${clock(now.since)} (${since(now.since, data.ts)})` : ''),
-      el('td', {}, (now?.model || device.model) + (now?.run === false ? ', STOP' : now?.run ? ', RUN' : '')),
-      el('td', {class: 'text'}, now?.reason ? `${now.reason}: ${now.cure}` : ''));
+    return [device.name, state(kindOf(now?.state), now?.state ?? 'starting'),
+      now ? `${clock(now.since)} (${since(now.since, data.ts)})` : '',
+      (now?.model || device.model) + (now?.run === false ? ', STOP' : now?.run ? ', RUN' : ''),
+      now?.reason ? `${now.reason}: ${now.cure}` : ''];
   }));
 }
 
@@ -122,11 +120,11 @@ export function lines(main, given) {
       const wanted = all.find(([, link]) => link.name === given) ?? all[0];
       return choose(wanted[0]);
     }
-    show(list, JSON.stringify([chosen, rows]), () => table(['link', 'state', 'wire', {name: 'busy', number: true}, {name: 'asked for', number: true}],
-      rows.map(([l, link, [kind, word], counts]) => el('tr', {},
-        el('td', {}, el('a', {href: `#lines/${encodeURIComponent(link.name)}`, 'aria-current': l === chosen && 'true'}, link.name)),
-        el('td', {}, state(kind, word)), el('td', {class: 'text soft small'}, link.wire),
-        el('td', {class: 'number'}, counts ? `${counts[2]} %` : '–'), el('td', {class: 'number'}, counts ? `${counts[3]} %` : '–')))));
+    show(list, JSON.stringify([chosen, rows]), () => table(
+      ['link', 'state', {name: 'wire', is: 'text soft small'}, {name: 'busy', is: 'number'}, {name: 'asked for', is: 'number'}],
+      rows.map(([l, link, [kind, word], counts]) => [
+        el('a', {href: `#lines/${encodeURIComponent(link.name)}`, 'aria-current': l === chosen && 'true'}, link.name),
+        state(kind, word), link.wire, counts ? `${counts[2]} %` : '–', counts ? `${counts[3]} %` : '–'])));
     if (chosen === null) return;
     show(shared, JSON.stringify([chosen, data.links[chosen]?.[4]]), () => sharing(chosen) ?? []);
     show(named, JSON.stringify([devicesOf(chosen).map(([d]) => data.devices.get(d)), Math.floor(data.ts / 10000)]), () => devices(chosen));

@@ -63,10 +63,9 @@ export function now(main) {
     });
     show(list, JSON.stringify([found.length, found[found.length - 1]?.ts, data.lastEvent, words]), () => found.length === 0
       ? el('p', {class: 'soft'}, words.length ? 'No event contains these words.' : 'No events since the agent started.')
-      : table(['time', 'event', 'what'], found.slice(-SHOWN).reverse().map((event) => el('tr', {},
-        el('td', {class: 'time'}, clock(event.ts)),
-        el('td', {}, state(MARK[event.level], event.event)),
-        el('td', {class: 'text'}, event.text.replaceAll(/ [a-z_]+=""/g, '') + (event.count > 1 ? ` (${event.count} times)` : ''))))));
+      : table([{name: 'time', is: 'time'}, 'event', {name: 'what', is: 'text'}], found.slice(-SHOWN).reverse().map((event) => [
+        clock(event.ts), state(MARK[event.level], event.event),
+        event.text.replaceAll(/ [a-z_]+=""/g, '') + (event.count > 1 ? ` (${event.count} times)` : '')])));
   }
   return {draw};
 }

@@ -1,5 +1,5 @@
 // Asks once more, with the token, then sends a command.
-import {el} from './dom.js';
+import {el, field} from './dom.js';
 import {data, send} from './data.js';
 
 // Kept until the page is closed, and nowhere else.
@@ -11,7 +11,7 @@ function agreed(question) {
   const secret = el('input', {type: 'password', required: true, autocomplete: 'off', value: token});
   const cancel = el('button', {type: 'button', onclick: () => dialog.close()}, 'Cancel');
   const form = el('form', {method: 'dialog'}, el('h2', {}, question), el('p', {}, `Plant ${data.config.agent}`),
-    el('p', {}, el('label', {class: 'field'}, el('span', {class: 'small soft'}, 'token'), secret)),
+    el('p', {}, field('token', secret)),
     el('p', {class: 'tools'}, el('button', {class: 'main', value: 'yes'}, 'Send'), cancel));
   const dialog = el('dialog', {'aria-label': question}, form);
   document.body.append(dialog);

@@ -78,10 +78,10 @@ function orders(tag) {
   const row = (name, order) => {
     const other = new DataView(new ArrayBuffer(4));
     order.forEach((from, i) => other.setUint8(i, raw[from]));
-    return el('tr', {}, el('td', {}, name), el('td', {}, order.map((from) => raw[from].toString(16).padStart(2, '0')).join(' ')), el('td', {class: 'number'}, value(other[read](0))));
+    return [name, order.map((from) => raw[from].toString(16).padStart(2, '0')).join(' '), value(other[read](0))];
   };
   return card(el('p', {}, `${tag.device} ${tag.name} in other word orders, if the value looks wrong`),
-    table(['change', 'bytes', {name: 'value', number: true}],
+    table(['change', 'bytes', {name: 'value', is: 'number'}],
       [row('as configured', [0, 1, 2, 3]), row('words swapped', [2, 3, 0, 1]), row('bytes swapped', [1, 0, 3, 2]), row('both swapped', [3, 2, 1, 0])]));
 }
 
