@@ -1,4 +1,4 @@
-#include "agent/field/poll/measured_turnaround.h"
+#include "agent/field/link/link_device.h"
 
 #include <gtest/gtest.h>
 
