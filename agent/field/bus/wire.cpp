@@ -121,7 +121,7 @@ asio::awaitable<Exchange> Wire::exchange(const Station& station, Request request
   const SteadyTime rests_from = now();
   SteadyTime earliest = not_before_;
   if (exchange.rest.count() > 0) earliest = std::max(earliest, last_activity_ + exchange.rest);
-  co_await wait_until(earliest);
+  if (now() < earliest) co_await wait_until(timer_, earliest);
   const bool open =
       take_arrived(codec, exchange) && renew_port(channel_.transport(), codec, exchange);
   if (!open) co_return exchange;
@@ -170,7 +170,8 @@ asio::awaitable<Exchange> Wire::exchange(const Station& station, Request request
   } else {
     // No answer comes. The exchange ends when the last byte has left the wire, not when the kernel
     // has accepted it.
-    co_await wait_until(exchange.began + char_time_ * length.request_chars);
+    const SteadyTime has_left = exchange.began + char_time_ * length.request_chars;
+    if (now() < has_left) co_await wait_until(timer_, has_left);
     exchange.outcome = Exchange::Outcome::answered;
     exchange.reply.kind = Reply::Kind::ack;
     overheard_.echo().sent_unanswered(*frame);
@@ -322,12 +323,6 @@ void Wire::note_outcome(const Station& station, const Request& request, const Ex
   overheard_.late().given_up(
       is_read(request) ? LateAnswers::Owed::data : LateAnswers::Owed::acknowledgement,
       exchange.ended, station.timeout, length.reply_chars + length.more_reply_chars);
-}
-
-asio::awaitable<void> Wire::wait_until(SteadyTime at) {
-  if (now() >= at) co_return;
-  timer_.expires_at(at);
-  co_await timer_.async_wait(use_result);
 }
 
 }  // namespace fxagent

@@ -98,7 +98,6 @@ class Wire final {
                           bool shows_echo);
   /// Counts the outcome. Without an answer, closes the channel or records that one may come late.
   void note_outcome(const Station& station, const Request& request, const Exchange& exchange);
-  asio::awaitable<void> wait_until(SteadyTime at);
 
   Channel channel_;
   Overheard overheard_;

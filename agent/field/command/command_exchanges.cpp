@@ -216,8 +216,7 @@ asio::awaitable<CommandExchanges::ReadBack> CommandExchanges::read_point(
 }
 
 asio::awaitable<void> CommandExchanges::pause(milliseconds duration) {
-  timer_.expires_after(duration);
-  co_await timer_.async_wait(use_result);
+  return wait_until(timer_, Clock::now() + duration);
 }
 
 asio::awaitable<Exchange> CommandExchanges::send(Request request, Try which) {

@@ -174,7 +174,7 @@ asio::awaitable<void> LinkWorker::run() {
       bus_.close();
       commands_.answer_running();
     }
-    if (!state_.is_stopping()) co_await idle_until(Clock::now() + kAfterFault);
+    if (!state_.is_stopping()) co_await wait_until(idle_, Clock::now() + kAfterFault);
   }
   bus_.close();
   stop_timer_.reset();
@@ -200,7 +200,8 @@ asio::awaitable<void> LinkWorker::serve() {
     }
     const PollScheduler::Job job = scheduler_.next(now);
     if (job.kind == PollScheduler::Job::Kind::wait) {
-      co_await idle_until(bus_.is_open() ? job.until : std::min(job.until, state_.next_open()));
+      co_await wait_until(idle_,
+                          bus_.is_open() ? job.until : std::min(job.until, state_.next_open()));
       continue;
     }
     const Raised on_the_wire(on_the_wire_);
@@ -234,7 +235,7 @@ asio::awaitable<void> LinkWorker::be_away() {
     if (state_.is_stopping()) co_return;
     state_.yielded(yield_text_);
     answer_yields(Reason::none);
-    co_await idle_until(*yields_until_);
+    co_await wait_until(idle_, *yields_until_);
     co_return;
   }
   yields_until_.reset();
@@ -259,11 +260,6 @@ void LinkWorker::stop(Reason why) {
     commands_.end();
     bus_.close();
   });
-}
-
-asio::awaitable<void> LinkWorker::idle_until(SteadyTime until) {
-  idle_.expires_at(until);
-  co_await idle_.async_wait(use_result);
 }
 
 asio::awaitable<void> LinkWorker::open_line() {

@@ -107,7 +107,6 @@ class LinkWorker final {
   asio::awaitable<void> be_away();
   void answer_yields(Reason why);
 
-  asio::awaitable<void> idle_until(SteadyTime until);
   asio::awaitable<void> open_line();
 
   const LinkConfig config_;  ///< as at its beginning: adjust() does not change it

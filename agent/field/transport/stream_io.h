@@ -80,6 +80,12 @@ inline int read_waiting(int fd, Bytes& found) {
 
 inline constexpr auto use_result = asio::experimental::as_tuple(asio::use_awaitable);
 
+/// Waits until `at`, or until the timer is cancelled. The timer must outlive the await.
+inline asio::awaitable<void> wait_until(asio::steady_timer& timer, SteadyTime at) {
+  timer.expires_at(at);
+  co_await timer.async_wait(use_result);
+}
+
 /// A transport over an asio stream: what serial ports and TCP have in common. open() must set the
 /// stream to non-blocking mode.
 template <class Stream>
