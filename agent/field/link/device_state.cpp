@@ -52,37 +52,33 @@ std::optional<DeviceState::Change> DeviceState::update(const Facts& facts, std::
     bad_value_tag_ = facts.bad_tag;
   }
   const bool had_bad_value = bad_value_ms_ && std::abs(now_ms - *bad_value_ms_) < kBadValueMs;
+  using State = DeviceStatus::State;
   DeviceStatus status = reported_;
   status.model = model_;
   status.run = run_;
-  status.state = DeviceStatus::State::online;
-  status.reason.clear();
-  status.reason_text.clear();
+  const auto set = [&status](State state, std::string_view reason, std::string_view text) {
+    status.state = state;
+    status.reason = reason;
+    status.reason_text = text;
+  };
+  set(State::online, "", "");
   if (!facts.yielded.empty()) {
-    status.state = DeviceStatus::State::yielded;
-    status.reason = "yielded";
-    status.reason_text = facts.yielded;
+    set(State::yielded, "yielded", facts.yielded);
     status.run.reset();
   } else if (!facts.bus_open) {
-    status.state = DeviceStatus::State::offline;
-    status.reason = facts.never_silent ? "never_silent" : to_string(BadReason::link_down);
-    status.reason_text = facts.why_offline;
+    set(State::offline, facts.never_silent ? "never_silent" : to_string(BadReason::link_down),
+        facts.why_offline);
     status.run.reset();
   } else if (facts.silent) {
-    status.state = DeviceStatus::State::offline;
-    status.reason = to_string(BadReason::timeout);
-    status.reason_text = facts.why_offline;
+    set(State::offline, to_string(BadReason::timeout), facts.why_offline);
   } else if (!answered_once_ && !is_broadcast_) {
     return std::nullopt;
   } else if (model_unclear_) {
-    status.state = DeviceStatus::State::degraded;
-    status.reason = "model_unknown";
-    status.reason_text =
-        "set model: the PLC reports an unknown model, so the agent uses only what every model has";
+    set(State::degraded, "model_unknown",
+        "set model: the PLC reports an unknown model, so the agent uses only what every model has");
   } else if (facts.first_bad || had_bad_value) {
-    status.state = DeviceStatus::State::degraded;
-    status.reason = to_string(facts.first_bad.value_or(BadReason::bad_value));
-    status.reason_text = facts.first_bad ? facts.bad_tag : bad_value_tag_;
+    set(State::degraded, to_string(facts.first_bad.value_or(BadReason::bad_value)),
+        facts.first_bad ? facts.bad_tag : bad_value_tag_);
     const bool is_same = status.state == reported_.state && status.reason == reported_.reason;
     if (is_same && std::abs(now_ms - text_ms_) < kNameEveryMs)
       status.reason_text = reported_.reason_text;
