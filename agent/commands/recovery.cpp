@@ -42,8 +42,12 @@ CommandResult interrupted(const JournalEntry& entry, const std::optional<Command
   result.id = entry.id;
   result.op = entry.op;
   result.received_ms = entry.received_ms;
-  if (entry.surely_not_sent || op_from(entry.op) == Op::read)
-    set_interrupted_unsent(result);
+  // A command that waited, and a read, had no effect.
+  const bool is_read = op_from(entry.op) == Op::read;
+  if (entry.surely_not_sent || is_read)
+    set_outcome(result, CommandStatus::failed, Reason::interrupted,
+                is_read ? "the agent ended before the device was read"
+                        : "the agent ended before anything was written");
   else
     set_interrupted(result);
   return result;

@@ -81,12 +81,6 @@ void set_interrupted(CommandResult& result) {
               std::string(kInterrupted));
 }
 
-void set_interrupted_unsent(CommandResult& result) {
-  set_outcome(result, CommandStatus::failed, Reason::interrupted,
-              op_from(result.op) == Op::read ? "the agent ended before the device was read"
-                                             : "the agent ended before anything was written");
-}
-
 // ---- the text of a result ----------------------------------------------------------------------
 
 namespace {

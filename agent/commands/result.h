@@ -24,9 +24,6 @@ inline constexpr std::string_view kInterrupted =
     "the agent ended during the command: it may or may not have been carried out";
 /// Sets UNKNOWN_OUTCOME: the command may have been sent in part when the agent ended.
 void set_interrupted(CommandResult& result);
-/// Sets FAILED: the command waited when the agent ended, and nothing was sent. A read is always
-/// FAILED.
-void set_interrupted_unsent(CommandResult& result);
 
 /// The refusals that every kind of command shares.
 Refusal refusal_of_retained();
