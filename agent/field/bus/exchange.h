@@ -12,6 +12,9 @@
 
 namespace fxagent {
 
+/// Pause before a busy device is asked again.
+inline constexpr std::chrono::milliseconds kBusyPause{100};
+
 /// Outcome of one exchange.
 struct Exchange {
   enum class Outcome : std::uint8_t {

@@ -20,9 +20,6 @@ using std::chrono::milliseconds;
 using std::chrono::nanoseconds;
 using Clock = std::chrono::steady_clock;
 
-// Pause before a busy device is asked again.
-constexpr milliseconds kBusyPause{100};
-
 /// The mark of one command, made on another thread. That thread answers here and wakes the command,
 /// unless it has stopped waiting.
 class Marking final : public std::enable_shared_from_this<Marking> {

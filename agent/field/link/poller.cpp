@@ -23,8 +23,6 @@ constexpr milliseconds kNothingToRead{1000};
 constexpr std::chrono::microseconds kUplinkRest{500};
 // An overload ends when the line has a little to spare, so that the log stays quiet at the edge.
 constexpr double kOverloadOver = 0.95;
-// Pause before a busy device is asked again.
-constexpr milliseconds kBusyDevicePause{100};
 // The RUN state is read this soon after it is due, however busy the groups keep the line.
 constexpr milliseconds kQuestionWithin{2000};
 
@@ -218,7 +216,7 @@ Poller::Refusal Poller::take_refusal(LinkDevice& device, GroupPoll& group,
   state_.answered(device);
   switch (meaning) {
     case RefusalMeaning::busy:
-      link_.scheduler.group(step.group).postpone(exchange.ended + kBusyDevicePause);
+      link_.scheduler.group(step.group).postpone(exchange.ended + kBusyPause);
       return Refusal::may_pass;
     case RefusalMeaning::curable:
       return Refusal::may_pass;
