@@ -3,13 +3,12 @@
 #include <algorithm>
 #include <array>
 #include <asio/co_spawn.hpp>
-#include <asio/detached.hpp>
 #include <asio/io_context.hpp>
 #include <asio/steady_timer.hpp>
-#include <asio/use_awaitable.hpp>
 #include <exception>
 #include <utility>
 
+#include "agent/field/transport/stream_io.h"
 #include "agent/field/transport/transport.h"
 
 namespace fxagent {
@@ -47,12 +46,6 @@ struct LineProbe::Line {
   }
   asio::awaitable<void> ask(const Codec& codec, const Request& request,
                             std::chrono::milliseconds timeout, ProbeAnswer& answer);
-  /// Waits until the line has been silent as long as a request needs.
-  asio::awaitable<void> wait_for_silence(const Codec& codec) {
-    rest.expires_at(quiet_since +
-                    std::max<std::chrono::nanoseconds>(gap, codec.quiet_before(char_time)));
-    co_await rest.async_wait(asio::use_awaitable);
-  }
 
   asio::io_context io{1};
   std::unique_ptr<Transport> transport;
@@ -72,7 +65,7 @@ asio::awaitable<void> LineProbe::Line::ask(const Codec& codec, const Request& re
   };
   const auto frame = codec.encode(request, ++tag);
   if (!frame) co_return end(Kind::garbled, frame.error().text);
-  co_await wait_for_silence(codec);
+  co_await wait_until(rest, quiet_since + std::max(gap, codec.quiet_before(char_time)));
   if (const auto old = transport->discard_input(); !old)
     co_return end(Kind::down, old.error().text);
   const auto length = codec.line_length(request);
