@@ -29,11 +29,10 @@ Publisher::Publisher(Config& config, PublisherSettings settings, JsonPayload& pa
       outgoing_(broker),
       subscriptions_(config.base_topic(), broker, backoff_,
                      [this] { retained_.agent_state_changed(); }),
-      session_(
-          broker, outgoing_, config.mqtt, backoff_,
-          {[this](const Connected&, SteadyTime now) { connection_began(now); },
-           [this](SteadyTime now) { connection_ended(now); }, [this] { samples_out_.spool_live(); },
-           [this] { own_topics_.session_taken_over(); }}),
+      session_(broker, outgoing_, config.mqtt, backoff_,
+               {[this](const Connected&, SteadyTime now) { connection_began(now); },
+                [this](SteadyTime now) { connection_ended(now); },
+                [this] { samples_.spool_live(); }, [this] { own_topics_.session_taken_over(); }}),
       states_(std::as_const(config).devices.size()),
       retained_(config, states_, payload, outgoing_, backoff_,
                 {[this] {
@@ -45,16 +44,13 @@ Publisher::Publisher(Config& config, PublisherSettings settings, JsonPayload& pa
                                    json::health(*status_.at(now), config_));
                  }}),
       results_(config, commands.results(), outgoing_, backoff_, utc_ms_),
-      spool_(store, settings_.backlog_bytes),
-      refused_(backoff_),
-      samples_out_(config, settings_.boot, payload, outgoing_, refused_, spool_),
-      history_(payload, outgoing_, refused_, spool_.waiting()),
-      drops_(spool_.waiting(), store, session_),
+      samples_(config, settings_.boot, payload, outgoing_, backoff_, store,
+               settings_.backlog_bytes),
+      drops_(samples_.spool().waiting(), store, session_),
       intake_(commands, broker, config.mqtt),
       status_(
-          {config, commands.results(), session_, subscriptions_, states_, retained_, spool_,
-           results_, samples_out_, history_, refused_, store, outlets_, settings_.boot,
-           settings_.version},
+          {config, commands.results(), session_, subscriptions_, states_, retained_, results_,
+           samples_, store, outlets_, settings_.boot, settings_.version},
           utc_ms_, [this] { outbox_.notify(); }, std::move(ask_counters)),
       farewell_(outgoing_, "state",
                 [this] { return std::vector{payload_.agent_offline(utc_ms_())}; }),
@@ -72,9 +68,9 @@ SteadyTime Publisher::step(SteadyTime now) {
   }
   if (shutdown_.finished()) return keep_outlets(now);  // the profiles have not finished theirs
   take_broker_events(now);
-  spool_.waiting().upkeep(now, utc_ms_());
+  samples_.spool().waiting().upkeep(now, utc_ms_());
   take_found_late(now);  // older than all that follows
-  spool_.waiting().move_memory_to_disk();
+  samples_.spool().waiting().move_memory_to_disk();
   take_outbox(now);  // before commands: its results make room for them, its states set the model
   take_commands(now);
   // Their results are known; their commands are taken in the next step.
@@ -85,7 +81,7 @@ SteadyTime Publisher::step(SteadyTime now) {
   press_back(now);  // by what has found no room
   const bool failed = outgoing_.fail_unsendable(now);
   if (shutdown_.has_begun()) keep_shutdown(now);
-  spool_.commit(now, !shutdown_.has_begun());
+  samples_.spool().commit(now, !shutdown_.has_begun());
   drops_.keep(now);
   if (shutdown_.finished()) return outlets_wake;
   return failed ? now : std::min(outlets_wake, next_wake(now));
@@ -136,9 +132,6 @@ void Publisher::take_found_late(SteadyTime now) {
 
 void Publisher::take_outbox(SteadyTime now) {
   Outbox::Batch batch = outbox_.take();
-  for (const auto& [device, count] : batch.dropped)
-    spool_.waiting().dropped().add(std::as_const(config_).devices.at(device).name, count,
-                                   DropCause::outbox);
   for (CommandResult& result : batch.results) {
     const bool may_have_written = result.attempts > 0 && result.op != to_string(Op::read);
     if (may_have_written) written_.insert(std::as_const(config_).devices.at(result.device).name);
@@ -154,7 +147,7 @@ void Publisher::take_outbox(SteadyTime now) {
   // Samples read while the first connection is being made are as live as those right after it.
   const bool can_go =
       (session_.is_connected() || session_.is_starting()) && shutdown_.may_publish();
-  samples_out_.take(batch.telemetry, can_go, now);
+  samples_.take(batch, can_go, now);
   status_.take(batch, now);
   for (const Outbox::Call& call : batch.calls) call(now);
 }
@@ -219,16 +212,14 @@ void Publisher::connection_began(SteadyTime now) {
   retained_.connection_began();
   own_topics_.connection_began(now);
   status_.request_health(now);
-  refused_.clear();
-  history_.connection_began();
+  samples_.connection_began();
 }
 
 void Publisher::connection_ended(SteadyTime now) {
   subscriptions_.connection_ended();
   own_topics_.connection_ended(now);
   status_.connection_ended();
-  samples_out_.connection_ended();
-  history_.connection_ended();
+  samples_.connection_ended();
   retained_.connection_ended();  // all of it is published again after the next connect
   results_.connection_ended();
 }
@@ -247,7 +238,7 @@ void Publisher::keep_session(SteadyTime now) {
 }
 
 void Publisher::press_back(SteadyTime now) {
-  outbox_.set_backed_up(samples_out_.is_backed_up());
+  outbox_.set_backed_up(samples_.is_backed_up());
   intake_.hold({.is_on = session_.is_connected() && !shutdown_.has_begun(),
                 .results_are_full = results_.is_full(),
                 .awaits_suback = subscriptions_.awaits_suback(),
@@ -259,7 +250,7 @@ void Publisher::press_back(SteadyTime now) {
   // An acknowledgement wakes this thread if something waits for it, or for the room that it makes.
   // Otherwise each one would wake it just to update a count.
   broker_.await_acknowledgements(shutdown_.has_begun() || !session_.is_connected() ||
-                                 !results_.empty() || history_.is_on_the_way() ||
+                                 !results_.empty() || samples_.history().is_on_the_way() ||
                                  outgoing_.size() >= outgoing_.window() / 2);
 }
 
@@ -267,33 +258,32 @@ void Publisher::press_back(SteadyTime now) {
 
 void Publisher::send(SteadyTime now) {
   const bool running = !shutdown_.has_begun();
-  samples_out_.settle(now);
-  spool_.commit(now, running);
+  samples_.settle(now, running);
   // A client that sees "online" may send a command at once. So nothing is published before commands
   // are received, or the state can report that they are not.
   const bool listens = !subscriptions_.awaits_first_suback() || !running;
   if (session_.is_connected() && shutdown_.may_publish() && listens) {
-    if (std::exchange(samples_first_, false) || !written_.empty()) samples_out_.pump_live(now);
+    if (std::exchange(samples_first_, false) || !written_.empty()) samples_.pump_live(now);
     // A sample read before a write is older than the write's result. If it finds no room before the
     // result, it becomes history.
-    samples_out_.make_history(std::exchange(written_, {}));
+    samples_.make_history(std::exchange(written_, {}));
     samples_first_ =
         results_.pump(now, intake_.is_holding() ? std::optional(intake_.heard()) : std::nullopt);
     if (!farewell_.by()) retained_.pump(now);
-    samples_out_.pump_live(now);
+    samples_.pump_live(now);
     // Samples on disk are safe and do not delay the shutdown.
-    if (!samples_out_.has_live() && (running || store_ == nullptr)) history_.pump(running, now);
+    if (running || store_ == nullptr) samples_.pump_history(running, now);
   }
   outgoing_.note_sent(now);
 }
 
 void Publisher::keep_shutdown(SteadyTime now) {
   shutdown_.step(intake_.empty() && outgoing_.empty() && results_.empty() && retained_.empty() &&
-                     !samples_out_.has_live() && spool_.empty(),
+                     !samples_.has_live() && samples_.spool().empty(),
                  now);
   if (!shutdown_.finished()) return;
   session_.close(now);
-  spool_.close();
+  samples_.spool().close();
   log::info("uplink_stopped", {{"samples_left", std::to_string(samples().waiting())},
                                {"results_left", std::to_string(results_.size())}});
 }
@@ -311,7 +301,7 @@ std::optional<std::vector<std::uint64_t>> Publisher::change(const ConfigChange& 
   commands_.change(change, now);
   states_.change(change);
   retained_.change(change);
-  samples_out_.change(change);
+  samples_.change(change);
   for (Outlet* outlet : outlets_) outlet->change(change, now);
   status_.change(change);
   subscriptions_.hear_configs(config_.remote.enabled);
@@ -350,9 +340,8 @@ SteadyTime Publisher::next_wake(SteadyTime now) const {
   if (running && farewell_.by()) at(*farewell_.by());
   at(running ? own_topics_.next_wake() : shutdown_.next_wake());
   if (running) at(session_.next_wake());
-  at(spool_.next_wake(now));
-  at(samples_out_.next_wake());
-  at(history_.next_wake(now));
+  at(samples_.next_wake(now));
+  at(samples_.history().next_wake(now));
   if (!session_.is_connected()) return wake;
   if (running) at(subscriptions_.next_wake());
   // Messages that are due but have no room go out after the next acknowledgement, which is an

@@ -1,9 +1,9 @@
 // The uplink loop. Sends what the field produces to the broker, or stores it, and passes incoming
 // commands to Commands. Its parts do the work: Session and Subscriptions keep the connection;
-// RetainedState, ResultDelivery, SampleDelivery and HistoryDelivery publish; OwnTopics and
-// CommandIntake receive; Outgoing holds the window that all publications share; Shutdown has the
-// steps of a clean stop. The Publisher sets their order: results, then states, then live samples,
-// and the backlog in between.
+// RetainedState, ResultDelivery and SampleDelivery publish; OwnTopics and CommandIntake receive;
+// Outgoing holds the window that all publications share; Shutdown has the steps of a clean stop.
+// The Publisher sets their order: results, then states, then live samples, and the backlog in
+// between.
 #pragma once
 
 #include <cstdint>
@@ -34,9 +34,7 @@
 #include "agent/uplink/profile/outlet.h"
 #include "agent/uplink/retained/device_states.h"
 #include "agent/uplink/retained/retained_state.h"
-#include "agent/uplink/samples/history_delivery.h"
 #include "agent/uplink/samples/sample_delivery.h"
-#include "agent/uplink/samples/sample_spool.h"
 #include "agent/uplink/session/session.h"
 #include "agent/uplink/session/shutdown.h"
 #include "agent/uplink/session/subscriptions.h"
@@ -84,7 +82,7 @@ class Publisher final {
   /// call it sooner if the outbox or the broker has events.
   SteadyTime step(SteadyTime now);
   /// See SampleDelivery::gather_until().
-  SteadyTime gather_until() const { return samples_out_.gather_until(); }
+  SteadyTime gather_until() const { return samples_.gather_until(); }
 
   /// Begins the clean shutdown. Publishes what is waiting for up to 3 s, results first; then sets
   /// the agent's state to offline and closes the connection. step() does the work until finished().
@@ -130,7 +128,8 @@ class Publisher final {
   StatusBoard& board() { return status_.board(); }
 
  private:
-  // The phases of step(), in their order. Outgoing, SampleSpool and StatusSource have the others.
+  // The phases of step(), in their order. Outgoing, SampleDelivery and StatusSource have the
+  // others.
   void take_broker_events(SteadyTime now);
   /// Recovers what earlier runs left in a store that has opened late.
   void take_found_late(SteadyTime now);
@@ -169,10 +168,7 @@ class Publisher final {
   DeviceStates states_;
   RetainedState retained_;
   ResultDelivery results_;
-  SampleSpool spool_;
-  RefusedDevices refused_;
-  SampleDelivery samples_out_;
-  HistoryDelivery history_;
+  SampleDelivery samples_;
   DropWarning drops_;
   CommandIntake intake_;
   std::vector<Outlet*> outlets_;

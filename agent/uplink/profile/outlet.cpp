@@ -25,26 +25,21 @@ Outlet::Outlet(const Config& config, Settings settings, Profile& profile, Broker
           {[this](const Connected& event, SteadyTime) { connection_began(event); },
            [this](SteadyTime) { connection_ended(); }, [this] { samples_.spool_live(); }, [] {}},
           settings_.name, profile.leaves_with_will()),
-      spool_(store, settings_.backlog_bytes),
-      refused_(backoff_),
-      samples_(config, settings_.boot, profile, outgoing_, refused_, spool_),
-      history_(profile, outgoing_, refused_, spool_.waiting()),
-      drops_(spool_.waiting(), store, session_, settings_.name),
+      samples_(config, settings_.boot, profile, outgoing_, backoff_, store,
+               settings_.backlog_bytes),
+      drops_(samples_.spool().waiting(), store, session_, settings_.name),
       farewell_(outgoing_, settings_.name, [this] { return profile_.farewell(utc_ms_()); }),
       shutdown_(session_, farewell_, std::chrono::seconds(1)) {}
 
 void Outlet::take(const Outbox::Batch& batch, SteadyTime now) {
   for (const DeviceStatus& status : batch.states) profile_.device_state(status);
   if (!profile_.wants_samples()) return;
-  for (const auto& [device, count] : batch.dropped) {
-    collected_ += count;
-    spool_.waiting().dropped().add(config_.devices.at(device).name, count, DropCause::outbox);
-  }
+  for (const auto& [device, count] : batch.dropped) collected_ += count;
   for (const Telemetry& sample : batch.telemetry) profile_.saw(sample);
   collected_ += batch.telemetry.size();
   const bool can_go =
       (session_.is_connected() || session_.is_starting()) && shutdown_.may_publish();
-  samples_.take(batch.telemetry, can_go, now);
+  samples_.take(batch, can_go, now);
 }
 
 void Outlet::change(const ConfigChange& change, SteadyTime now) {
@@ -63,9 +58,9 @@ void Outlet::change(const ConfigChange& change, SteadyTime now) {
 SteadyTime Outlet::step(SteadyTime now) {
   if (finished()) return SteadyTime::max();
   take_broker_events(now);
-  spool_.waiting().upkeep(now, utc_ms_());
+  samples_.spool().waiting().upkeep(now, utc_ms_());
   if (store_ != nullptr) store_->take_found_late();
-  spool_.waiting().move_memory_to_disk();
+  samples_.spool().waiting().move_memory_to_disk();
   if (!shutdown_.has_begun()) {
     session_.keep(now);
     if (profile_.take_leave() && session_.is_connected()) {
@@ -78,14 +73,14 @@ SteadyTime Outlet::step(SteadyTime now) {
   if (shutdown_.has_begun()) shutdown_.step(outgoing_.empty() && !samples_.has_live(), now);
   if (finished()) {
     session_.close(now);
-    spool_.close();
+    samples_.spool().close();
     drops_.keep(now);
     return SteadyTime::max();
   }
-  spool_.commit(now, !shutdown_.has_begun());
+  samples_.spool().commit(now, !shutdown_.has_begun());
   drops_.keep(now);
   broker_.await_acknowledgements(shutdown_.has_begun() || !session_.is_connected() ||
-                                 history_.is_on_the_way() ||
+                                 samples_.history().is_on_the_way() ||
                                  outgoing_.size() >= outgoing_.window() / 2);
   return failed ? now : next_wake(now);
 }
@@ -117,8 +112,7 @@ void Outlet::take_broker_events(SteadyTime now) {
 
 void Outlet::connection_began(const Connected& connected) {
   refusals_.clear();
-  refused_.clear();
-  history_.connection_began();
+  samples_.connection_began();
   for (Subscription& subscription : profile_.subscriptions())
     broker_.subscribe(std::move(subscription));
   profile_.connection_began(connected);
@@ -126,16 +120,14 @@ void Outlet::connection_began(const Connected& connected) {
 
 void Outlet::connection_ended() {
   samples_.connection_ended();
-  history_.connection_ended();
   profile_.connection_ended();
 }
 
 // ---- sending ------------------------------------------------------------------------------------
 
 void Outlet::send(SteadyTime now) {
-  samples_.settle(now);
   const bool running = !shutdown_.has_begun();
-  spool_.commit(now, running);
+  samples_.settle(now, running);
   if (session_.is_connected() && shutdown_.may_publish()) {
     while (outgoing_.has_room()) {
       auto due = profile_.due(now, utc_ms_());
@@ -144,7 +136,7 @@ void Outlet::send(SteadyTime now) {
     }
     if (profile_.wants_samples() && profile_.is_ready()) {
       samples_.pump_live(now);
-      if (!samples_.has_live() && running) history_.pump(true, now);
+      if (running) samples_.pump_history(true, now);
     }
   }
   outgoing_.note_sent(now);
@@ -168,11 +160,10 @@ SteadyTime Outlet::next_wake(SteadyTime now) const {
     at(shutdown_.next_wake());
   else
     at(session_.next_wake());
-  at(spool_.next_wake(now));
-  at(samples_.next_wake());
+  at(samples_.next_wake(now));
   if (!session_.is_connected()) return wake;
   if (outgoing_.has_room() && shutdown_.may_publish()) at(profile_.next_wake());
-  if (profile_.is_ready()) at(history_.next_wake(now));
+  if (profile_.is_ready()) at(samples_.history().next_wake(now));
   if (!outgoing_.empty()) at(now + Outgoing::kAcknowledgedWithin);
   return wake;
 }
@@ -184,9 +175,7 @@ ProfileStatus Outlet::status() const {
   status.connected = session_.is_connected();
   status.ready = status.connected && profile_.is_ready();
   status.why = session_.why_not_connected();
-  spool_.add_to(status.samples);
   samples_.add_to(status.samples);
-  history_.add_to(status.samples);
   status.samples.collected = collected_;
   return status;
 }

@@ -20,9 +20,7 @@
 #include "agent/uplink/jittered_backoff.h"
 #include "agent/uplink/outgoing.h"
 #include "agent/uplink/profile/profile.h"
-#include "agent/uplink/samples/history_delivery.h"
 #include "agent/uplink/samples/sample_delivery.h"
-#include "agent/uplink/samples/sample_spool.h"
 #include "agent/uplink/session/session.h"
 #include "agent/uplink/session/shutdown.h"
 
@@ -83,10 +81,7 @@ class Outlet final : private Outgoing::Sender {
   JitteredBackoff backoff_;
   Outgoing outgoing_;
   Session session_;
-  SampleSpool spool_;
-  RefusedDevices refused_;
   SampleDelivery samples_;
-  HistoryDelivery history_;
   DropWarning drops_;
   Farewell farewell_;
   Shutdown shutdown_;

@@ -23,13 +23,15 @@ constexpr auto kCommitWithin = SampleSpool::kCommitWithin;
 }  // namespace
 
 SampleDelivery::SampleDelivery(const Config& config, std::string boot, SamplePayload& payload,
-                               Outgoing& outgoing, RefusedDevices& refused, SampleSpool& spool)
+                               Outgoing& outgoing, JitteredBackoff& backoff, GuardedStore* store,
+                               std::size_t backlog_bytes)
     : config_(config),
       boot_(std::move(boot)),
       payload_(payload),
       outgoing_(outgoing),
-      refused_(refused),
-      spool_(spool),
+      refused_(backoff),
+      spool_(store, backlog_bytes),
+      history_(payload, outgoing, refused_, spool_.waiting()),
       meta_hashes_(config.devices.size()) {}
 
 void SampleDelivery::change(const ConfigChange& change) {
@@ -37,11 +39,13 @@ void SampleDelivery::change(const ConfigChange& change) {
   meta_hashes_.resize(config_.devices.size());
 }
 
-void SampleDelivery::take(const std::vector<Telemetry>& messages, bool can_go, SteadyTime now) {
-  if (messages.empty()) return;
+void SampleDelivery::take(const Outbox::Batch& batch, bool can_go, SteadyTime now) {
+  for (const auto& [device, count] : batch.dropped)
+    spool_.waiting().dropped().add(config_.devices.at(device).name, count, DropCause::outbox);
+  if (batch.telemetry.empty()) return;
   microseconds patience = kGatherMost;  // zero for groups without an interval
   std::vector<SampleRow> live;
-  for (const Telemetry& message : messages) {
+  for (const Telemetry& message : batch.telemetry) {
     const DeviceConfig& device = config_.devices.at(message.device);
     const GroupConfig& group = device.groups.at(message.group);
     patience = std::min(patience, microseconds(group.interval) / kGatherShare);
@@ -74,13 +78,14 @@ bool SampleDelivery::may_send(const std::string& device, SteadyTime now) const {
 
 /// Samples that found no room for 1 s become history, and with them those that would follow within
 /// kCommitWithin: a commit costs the same for all.
-void SampleDelivery::settle(SteadyTime now) {
+void SampleDelivery::settle(SteadyTime now, bool can_wait) {
   if (!live_.empty() && live_.front().since + kLiveFor <= now)
     while (!live_.empty() && live_.front().since + kLiveFor - kCommitWithin <= now) {
       spool_.add(std::move(live_.front()));
       live_.pop_front();
     }
   hold_on_disk(now);
+  spool_.commit(now, can_wait);
 }
 
 /// Writes samples that have been in flight for 1 s to disk; they stay in flight. Includes those
@@ -126,6 +131,10 @@ void SampleDelivery::pump_live(SteadyTime now) {
   }
 }
 
+void SampleDelivery::pump_history(bool rests, SteadyTime now) {
+  if (live_.empty()) history_.pump(rests, now);
+}
+
 void SampleDelivery::make_history(const std::set<std::string>& devices) {
   if (devices.empty()) return;
   const auto moved = std::ranges::stable_partition(
@@ -134,11 +143,17 @@ void SampleDelivery::make_history(const std::set<std::string>& devices) {
   live_.erase(moved.begin(), moved.end());
 }
 
+void SampleDelivery::connection_began() {
+  refused_.clear();
+  history_.connection_began();
+}
+
 void SampleDelivery::connection_ended() {
   for (auto& [id, flight] : std::exchange(flights_, {})) spool_.add(std::move(flight.live));
   spool_live();
   // The next connection may begin at once, and this process may end before it.
   spool_.commit_by(SteadyTime::min());
+  history_.connection_ended();
 }
 
 void SampleDelivery::spool_live() {
@@ -180,6 +195,8 @@ void SampleDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
 bool SampleDelivery::is_backed_up() const { return live_.size() >= kBackedUp; }
 
 void SampleDelivery::add_to(SampleCounts& counts) const {
+  spool_.add_to(counts);
+  history_.add_to(counts);
   counts.queued += static_cast<std::uint64_t>(std::ranges::count(live_, false, &LiveRow::stored));
   counts.in_flight += static_cast<std::uint64_t>(
       std::ranges::count_if(flights_, [](const auto& each) { return !each.second.live.stored; }));
@@ -187,8 +204,8 @@ void SampleDelivery::add_to(SampleCounts& counts) const {
   counts.published += published_;
 }
 
-SteadyTime SampleDelivery::next_wake() const {
-  SteadyTime wake = SteadyTime::max();
+SteadyTime SampleDelivery::next_wake(SteadyTime now) const {
+  SteadyTime wake = spool_.next_wake(now);
   const auto at = [&wake](SteadyTime time) { wake = std::min(wake, time); };
   if (!live_.empty()) at(live_.front().since + kLiveFor);
   if (!spool_.waiting().can_write()) return wake;

@@ -1,8 +1,9 @@
-// Delivers live samples to the broker. Keeps each sample until it is acknowledged; a sample that
-// has waited for 1 s is also on disk. Samples that find no room become history. Uplink thread. Time
-// is an argument.
+// Delivers the samples of one session to its broker. Keeps each live sample until it is
+// acknowledged; a sample that has waited for 1 s is also on disk. Samples that find no room become
+// history. Uplink thread. Time is an argument.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <deque>
 #include <map>
@@ -13,34 +14,40 @@
 
 #include "agent/config/config_difference.h"
 #include "agent/config/model.h"
-#include "agent/handover/telemetry.h"
+#include "agent/handover/outbox.h"
 #include "agent/steady_time.h"
+#include "agent/store/guarded_store.h"
 #include "agent/store/samples/sample_record.h"
+#include "agent/uplink/jittered_backoff.h"
 #include "agent/uplink/outgoing.h"
 #include "agent/uplink/payload/payload.h"
+#include "agent/uplink/samples/history_delivery.h"
 #include "agent/uplink/samples/sample_spool.h"
 
 namespace fxagent {
 
 class SampleDelivery final : public Outgoing::Sender {
  public:
-  /// All references outlive the object.
+  /// All references outlive the object. `store` and `backlog_bytes` are those of WaitingSamples.
   SampleDelivery(const Config& config, std::string boot, SamplePayload& payload, Outgoing& outgoing,
-                 RefusedDevices& refused, SampleSpool& spool);
+                 JitteredBackoff& backoff, GuardedStore* store, std::size_t backlog_bytes);
 
   /// Adapts to a config change, which `config` already contains.
   void change(const ConfigChange& change);
 
-  /// Takes samples from the field. `can_go`: there is a connection, or the first one is being made;
-  /// otherwise the samples become history.
-  void take(const std::vector<Telemetry>& messages, bool can_go, SteadyTime now);
+  /// Takes samples from the field, and counts those that the outbox has dropped. `can_go`: there is
+  /// a connection, or the first one is being made; otherwise the samples become history.
+  void take(const Outbox::Batch& batch, bool can_go, SteadyTime now);
   /// Spools samples that have waited for 1 s to disk. Those without room become history; those in
-  /// flight stay in flight.
-  void settle(SteadyTime now);
+  /// flight stay in flight. Ends with SampleSpool::commit().
+  void settle(SteadyTime now, bool can_wait);
   void pump_live(SteadyTime now);
+  /// HistoryDelivery::pump(), unless live samples are waiting.
+  void pump_history(bool rests, SteadyTime now);
   /// Moves live samples of these devices that have found no room so far to history.
   void make_history(const std::set<std::string>& devices);
 
+  void connection_began();
   /// Moves everything to history, samples in flight included.
   void connection_ended();
   /// Moves live samples to history, after a failed attempt to connect.
@@ -49,7 +56,7 @@ class SampleDelivery final : public Outgoing::Sender {
   void delivered(std::uint64_t id, SteadyTime now) override;
   void failed(const DeliveryFailed& event, SteadyTime now) override;
 
-  /// Adds the live samples: acknowledged, published, and waiting or in flight and not on disk.
+  /// Adds all samples, by location.
   void add_to(SampleCounts& counts) const;
   /// Returns the bytes of the rows made since the last call.
   std::uint64_t take_row_bytes() { return std::exchange(row_bytes_, 0); }
@@ -60,7 +67,12 @@ class SampleDelivery final : public Outgoing::Sender {
   /// that is 1/100 of their shortest interval after the last samples, at most 5 ms; otherwise the
   /// time of the last samples.
   SteadyTime gather_until() const { return gather_until_; }
-  SteadyTime next_wake() const;
+  /// Returns the time by which settle() must run. history() has its own.
+  SteadyTime next_wake(SteadyTime now) const;
+
+  SampleSpool& spool() { return spool_; }
+  const HistoryDelivery& history() const { return history_; }
+  const RefusedDevices& refused() const { return refused_; }
 
  private:
   struct Flight {
@@ -77,8 +89,9 @@ class SampleDelivery final : public Outgoing::Sender {
   const std::string boot_;
   SamplePayload& payload_;
   Outgoing& outgoing_;
-  RefusedDevices& refused_;
-  SampleSpool& spool_;
+  RefusedDevices refused_;
+  SampleSpool spool_;
+  HistoryDelivery history_;
   std::vector<std::string> meta_hashes_;  ///< by device; empty: not computed yet
 
   std::uint64_t next_row_id_ = 1;

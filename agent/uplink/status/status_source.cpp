@@ -196,9 +196,7 @@ void StatusSource::log_unbalanced() const {
 
 SampleCounts StatusSource::samples() const {
   SampleCounts samples;
-  parts_.spool.add_to(samples);
   parts_.samples.add_to(samples);
-  parts_.history.add_to(samples);
   for (const DeviceHealth& device : field_->devices) samples.suppressed += device.suppressed;
   samples.suppressed += field_->ended_suppressed;
   samples.collected = pushed_ + samples.suppressed;
@@ -240,16 +238,17 @@ AgentStatus StatusSource::make(SteadyTime now) const {
   status.field = field_;
   status.devices = parts_.states.all();
   if (board_.values_wanted()) status.values = last_.groups();
+  const WaitingSamples& waiting = parts_.samples.spool().waiting();
   for (const DeviceConfig& device : parts_.config.devices) {
-    status.dropped.push_back(parts_.spool.waiting().dropped().of(device.name));
-    const auto refused = parts_.refused.reason(device.name);
+    status.dropped.push_back(waiting.dropped().of(device.name));
+    const auto refused = parts_.samples.refused().reason(device.name);
     status.refused.push_back(refused ? hex_code(*refused) : std::string());
   }
   status.commands = parts_.command_results.counts();
   const auto& last = parts_.command_results.last();
   status.last_commands.assign(last.begin(), last.end());
   status.store_state = parts_.store == nullptr ? "memory" : parts_.store->state();
-  status.store_bytes = parts_.spool.waiting().backlog().bytes();
+  status.store_bytes = waiting.backlog().bytes();
   if (parts_.store != nullptr) {
     const GuardedStore::Figures store = parts_.store->figures();
     status.store_bytes += store.bytes;
@@ -257,8 +256,8 @@ AgentStatus StatusSource::make(SteadyTime now) const {
     status.audit_records = store.audit.records;
     status.audit_head = to_text(store.audit.hash);
   }
-  const std::uint64_t room = parts_.store == nullptr ? parts_.spool.waiting().backlog().max_bytes()
-                                                     : parts_.store->max_bytes();
+  const std::uint64_t room =
+      parts_.store == nullptr ? waiting.backlog().max_bytes() : parts_.store->max_bytes();
   if (bytes_per_hour_)
     status.hours_left =
         static_cast<double>(room - std::min(room, status.store_bytes)) / *bytes_per_hour_;

@@ -26,9 +26,7 @@
 #include "agent/uplink/commands/result_delivery.h"
 #include "agent/uplink/retained/device_states.h"
 #include "agent/uplink/retained/retained_state.h"
-#include "agent/uplink/samples/history_delivery.h"
 #include "agent/uplink/samples/sample_delivery.h"
-#include "agent/uplink/samples/sample_spool.h"
 #include "agent/uplink/session/session.h"
 #include "agent/uplink/session/subscriptions.h"
 
@@ -65,11 +63,8 @@ class StatusSource final {
     const Subscriptions& subscriptions;
     const DeviceStates& states;
     RetainedState& retained;
-    const SampleSpool& spool;
     const ResultDelivery& results;
     SampleDelivery& samples;
-    const HistoryDelivery& history;
-    const RefusedDevices& refused;
     const GuardedStore* store = nullptr;  ///< null: no store
     const std::vector<Outlet*>& outlets;
     std::string boot;
