@@ -72,8 +72,7 @@ void DropWarning::warn(Loss& loss, SteadyTime now) const {
 }
 
 std::string DropWarning::broker(SteadyTime now) const {
-  std::string text = session_.connects().server();
-  if (!profile_.empty()) text += " for " + profile_;
+  const std::string text = session_.server();
   if (session_.is_connected()) return text + " is connected";
   const SteadyTime since = session_.since();
   if (since == SteadyTime{}) return text + " has not been connected since the start";

@@ -16,11 +16,9 @@ namespace fxagent {
 
 class DropWarning final {
  public:
-  /// All references outlive the object. `store` is that of `waiting`; null: none. `profile` names
-  /// the session in the log; empty: it is the agent's own.
-  DropWarning(const WaitingSamples& waiting, const GuardedStore* store, const Session& session,
-              std::string profile = {})
-      : waiting_(waiting), store_(store), session_(session), profile_(std::move(profile)) {}
+  /// All references outlive the object. `store` is that of `waiting`; null: none.
+  DropWarning(const WaitingSamples& waiting, const GuardedStore* store, const Session& session)
+      : waiting_(waiting), store_(store), session_(session) {}
 
   /// Logs what is due. Call in each step, after the spool's work. The loss has ended if the session
   /// is connected and no sample was lost for ten minutes.
@@ -39,7 +37,6 @@ class DropWarning final {
   const WaitingSamples& waiting_;
   const GuardedStore* const store_;
   const Session& session_;
-  const std::string profile_;
   std::uint64_t total_ = 0;  ///< samples lost until the last keep()
   std::optional<Loss> loss_;
 };

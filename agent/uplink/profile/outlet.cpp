@@ -27,7 +27,7 @@ Outlet::Outlet(const Config& config, Settings settings, Profile& profile, Broker
           settings_.name, profile.leaves_with_will()),
       samples_(config, settings_.boot, profile, outgoing_, backoff_, store,
                settings_.backlog_bytes),
-      drops_(samples_.spool().waiting(), store, session_, settings_.name),
+      drops_(samples_.spool().waiting(), store, session_),
       farewell_(outgoing_, settings_.name, [this] { return profile_.farewell(utc_ms_()); }),
       shutdown_(session_, farewell_, std::chrono::seconds(1)) {}
 

@@ -66,6 +66,8 @@ class Session final {
   /// The servers of the config have changed; restart() follows.
   void settings_changed() { connects_.settings_changed(); }
   const ConnectSchedule& connects() const { return connects_; }
+  /// Returns the server for the log, with the profile.
+  std::string server() const;
 
   bool is_connected() const { return link_ == Link::connected; }
   /// Time since which the session has been connected, or without a connection; the clock's epoch if
@@ -87,8 +89,6 @@ class Session final {
   void connect(SteadyTime now);
   void end(SteadyTime now);
   void watch(SteadyTime now);
-  /// Returns the server for the log.
-  std::string server() const;
 
   Broker& broker_;
   Outgoing& outgoing_;
