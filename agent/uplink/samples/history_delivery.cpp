@@ -29,11 +29,13 @@ constexpr std::size_t kHistoryBytes = 16384;
 }  // namespace
 
 HistoryDelivery::HistoryDelivery(SamplePayload& payload, Outgoing& outgoing,
-                                 RefusedDevices& refused, WaitingSamples& waiting)
+                                 RefusedDevices& refused, WaitingSamples& waiting,
+                                 SampleCounts& counts)
     : payload_(payload),
       outgoing_(outgoing),
       refused_(refused),
       waiting_(waiting),
+      counts_(counts),
       max_bytes_(kHistoryBytes) {}
 
 /// A small window has one place for history; the rest is for live samples and results.
@@ -54,7 +56,7 @@ void HistoryDelivery::pump(bool rests, SteadyTime now) {
       rests_until_ = now + kBetweenDrops;
       return;
     }
-    published_ += history->batch.row_ids.size();
+    counts_.published += history->batch.row_ids.size();
     const std::uint64_t id = outgoing_.send(*this, std::exchange(history->publications, {}));
     flights_.emplace(id, Flight{std::move(*history), max_bytes_, now});
   }
@@ -76,7 +78,7 @@ HistoryDelivery::Flight HistoryDelivery::ended(std::uint64_t id, SteadyTime now)
 void HistoryDelivery::delivered(std::uint64_t id, SteadyTime now) {
   const Flight flight = ended(id, now);
   failpoint("history_acknowledged");
-  waiting_.remove(flight.history, [this](std::uint64_t count) { acknowledged_ += count; });
+  waiting_.remove(flight.history, [this](std::uint64_t count) { counts_.acknowledged += count; });
   refused_.accepted(flight.history.batch.stream.device, flight.since);
 }
 
@@ -97,11 +99,6 @@ void HistoryDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
     max_bytes_ = std::min(max_bytes_, max_bytes / 2);  // once for messages of one size
   else
     refused_.refused(batch.stream.device, event, now);
-}
-
-void HistoryDelivery::add_to(SampleCounts& counts) const {
-  counts.acknowledged += acknowledged_;
-  counts.published += published_;
 }
 
 SteadyTime HistoryDelivery::next_wake(SteadyTime now) const {

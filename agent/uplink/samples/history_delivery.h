@@ -15,9 +15,9 @@ namespace fxagent {
 
 class HistoryDelivery final : public Outgoing::Sender {
  public:
-  /// All references outlive the object.
+  /// All references outlive the object. Adds to `counts` the samples published and acknowledged.
   HistoryDelivery(SamplePayload& payload, Outgoing& outgoing, RefusedDevices& refused,
-                  WaitingSamples& waiting);
+                  WaitingSamples& waiting, SampleCounts& counts);
 
   /// Sends messages for which there is room. Call only if no live samples are waiting. `rests`:
   /// history pauses after each message.
@@ -29,8 +29,6 @@ class HistoryDelivery final : public Outgoing::Sender {
   void delivered(std::uint64_t id, SteadyTime now) override;
   void failed(const DeliveryFailed& event, SteadyTime now) override;
 
-  /// Adds the samples acknowledged and published.
-  void add_to(SampleCounts& counts) const;
   bool is_on_the_way() const { return !flights_.empty(); }
   /// Returns the time by which pump() must run, apart from acknowledgements.
   SteadyTime next_wake(SteadyTime now) const;
@@ -50,11 +48,10 @@ class HistoryDelivery final : public Outgoing::Sender {
   Outgoing& outgoing_;
   RefusedDevices& refused_;
   WaitingSamples& waiting_;
+  SampleCounts& counts_;
   std::map<std::uint64_t, Flight> flights_;  ///< by publication id
-  SteadyTime rests_until_{};        ///< until then live samples have the broker to themselves
-  std::size_t max_bytes_;           ///< of one message; reduced if it is too large
-  std::uint64_t acknowledged_ = 0;  ///< samples
-  std::uint64_t published_ = 0;     ///< samples, including repeats
+  SteadyTime rests_until_{};  ///< until then live samples have the broker to themselves
+  std::size_t max_bytes_;     ///< of one message; reduced if it is too large
 };
 
 }  // namespace fxagent

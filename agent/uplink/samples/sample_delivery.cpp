@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "agent/failpoint.h"
-#include "agent/handover/status.h"
 #include "agent/log/log.h"
 #include "agent/uplink/payload/json_payload.h"
 
@@ -31,7 +30,7 @@ SampleDelivery::SampleDelivery(const Config& config, std::string boot, SamplePay
       outgoing_(outgoing),
       refused_(backoff),
       spool_(store, backlog_bytes),
-      history_(payload, outgoing, refused_, spool_.waiting()),
+      history_(payload, outgoing, refused_, spool_.waiting(), counts_),
       meta_hashes_(config.devices.size()) {}
 
 void SampleDelivery::change(const ConfigChange& change) {
@@ -125,7 +124,7 @@ void SampleDelivery::pump_live(SteadyTime now) {
       complete(live);
       continue;
     }
-    ++published_;
+    ++counts_.published;
     const std::uint64_t id = outgoing_.send(*this, std::move(publications));
     flights_.emplace(id, Flight{std::move(live), now});
   }
@@ -172,9 +171,9 @@ void SampleDelivery::delivered(std::uint64_t id, SteadyTime) {
 
 void SampleDelivery::complete(const LiveRow& live) {
   if (live.stored)
-    spool_.remove(live, [this](std::uint64_t count) { acknowledged_ += count; });
+    spool_.remove(live, [this](std::uint64_t count) { counts_.acknowledged += count; });
   else
-    ++acknowledged_;
+    ++counts_.acknowledged;
 }
 
 void SampleDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
@@ -196,12 +195,11 @@ bool SampleDelivery::is_backed_up() const { return live_.size() >= kBackedUp; }
 
 void SampleDelivery::add_to(SampleCounts& counts) const {
   spool_.add_to(counts);
-  history_.add_to(counts);
   counts.queued += static_cast<std::uint64_t>(std::ranges::count(live_, false, &LiveRow::stored));
   counts.in_flight += static_cast<std::uint64_t>(
       std::ranges::count_if(flights_, [](const auto& each) { return !each.second.live.stored; }));
-  counts.acknowledged += acknowledged_;
-  counts.published += published_;
+  counts.acknowledged += counts_.acknowledged;
+  counts.published += counts_.published;
 }
 
 SteadyTime SampleDelivery::next_wake(SteadyTime now) const {

@@ -15,6 +15,7 @@
 #include "agent/config/config_difference.h"
 #include "agent/config/model.h"
 #include "agent/handover/outbox.h"
+#include "agent/handover/status.h"
 #include "agent/steady_time.h"
 #include "agent/store/guarded_store.h"
 #include "agent/store/samples/sample_record.h"
@@ -91,6 +92,7 @@ class SampleDelivery final : public Outgoing::Sender {
   Outgoing& outgoing_;
   RefusedDevices refused_;
   SampleSpool spool_;
+  SampleCounts counts_;  ///< only those published and acknowledged
   HistoryDelivery history_;
   std::vector<std::string> meta_hashes_;  ///< by device; empty: not computed yet
 
@@ -100,8 +102,6 @@ class SampleDelivery final : public Outgoing::Sender {
   std::map<std::uint64_t, Flight> flights_;  ///< by publication id
   SteadyTime samples_at_{};                  ///< last step with samples
   SteadyTime gather_until_{};
-  std::uint64_t acknowledged_ = 0;
-  std::uint64_t published_ = 0;  ///< sends, including repeats
   std::uint64_t row_bytes_ = 0;
 };
 
