@@ -94,16 +94,16 @@ std::uint64_t PairMember::publish_in_journal(Broker& session, std::string text) 
 std::uint64_t PairMember::await_claim(const std::function<void()>& waits) {
   std::unique_lock lock(mutex_);
   std::uint64_t rounds = rounds_;
-  while (!claimed_) {
+  while (!floor_) {
     if (rounds_ != rounds) {
       rounds = rounds_;
       lock.unlock();
       waits();
       lock.lock();
     }
-    news_.wait_for(lock, seconds(1), [this] { return claimed_; });
+    news_.wait_for(lock, seconds(1), [this] { return floor_.has_value(); });
   }
-  return floor_;
+  return *floor_;
 }
 
 std::vector<JournalEntry> PairMember::hand_over_to(Store& store) {
@@ -482,7 +482,6 @@ void PairMember::go_on_with_claim(BootTime now) {
     const std::lock_guard lock(mutex_);
     unwritten_ = std::move(unwritten);
     floor_ = std::max(static_cast<std::uint64_t>(utc_now_ms()), peers_.highest_seq());
-    claimed_ = true;
     news_.notify_all();
   }
   // At once: the number shows the other gateway that this one has held the pair.
@@ -501,7 +500,7 @@ void PairMember::carry_out(PairState::Action action, BootTime now) {
       std::uint64_t seq = peers_.highest_seq();
       {
         const std::lock_guard lock(mutex_);
-        if (claimed_) seq = std::max(agent_ ? agent_->highest_seq() : 0, floor_) + kReserve;
+        if (floor_) seq = std::max(agent_ ? agent_->highest_seq() : 0, *floor_) + kReserve;
       }
       const std::string text = pair_messages::heartbeat({boot_, seq}, next_id_);
       return state_.heartbeat_sent(publish(*lease_, retained(topic("/heartbeat"), text)), now);

@@ -123,10 +123,9 @@ class PairMember final {
   mutable std::mutex mutex_;
   std::condition_variable news_;
   bool woken_ = false;                   ///< under mutex_
-  bool claimed_ = false;                 ///< under mutex_
   bool left_ = false;                    ///< under mutex_
   std::uint64_t rounds_ = 0;             ///< under mutex_
-  std::uint64_t floor_ = 0;              ///< under mutex_
+  std::optional<std::uint64_t> floor_;   ///< under mutex_; nullopt: the pair is not claimed yet
   std::optional<Agent> agent_;           ///< under mutex_; nullopt: it does not run yet
   std::vector<JournalEntry> unwritten_;  ///< under mutex_
   std::deque<JournalEntry> answered_;    ///< under mutex_
