@@ -1,13 +1,13 @@
 #include "agent/cli/describe/payloads.h"
 
 #include <algorithm>
-#include <cmath>
 #include <initializer_list>
 #include <optional>
 #include <utility>
 
 #include "agent/commands/parse/parse.h"
 #include "agent/handover/telemetry.h"
+#include "agent/import/imported.h"
 #include "agent/remote/desired_config.h"
 #include "agent/remote/remote_report.h"
 #include "agent/text/json_writer.h"
@@ -467,13 +467,6 @@ void add_remote_config(Json& out) {
 
 constexpr auto kExact = static_cast<double>(json::kMaxExactInteger);
 
-/// Returns a whole number as an integer: -32768, not -32768.0.
-Json exact(double number) {
-  if (std::abs(number) <= kExact && number == std::floor(number))
-    return static_cast<std::int64_t>(number);
-  return number;
-}
-
 /// Returns the number as samples have it.
 Json whole(std::int64_t number) {
   if (number > json::kMaxExactInteger || number < -json::kMaxExactInteger)
@@ -498,8 +491,8 @@ Json number_schema(const TagConfig& tag, Use use) {
   }
   const bool is_whole = use == Use::sample && !is_real(point.type) && !point.scaled();
   Json out{{"type", is_whole ? "integer" : "number"}};
-  if (least) out["minimum"] = exact(*least);
-  if (greatest) out["maximum"] = exact(*greatest);
+  if (least) out["minimum"] = json_number(*least);
+  if (greatest) out["maximum"] = json_number(*greatest);
   if (!may_be_text) return out;
   return one_of({std::move(out), text("^-?[0-9]+$")});
 }
