@@ -7,6 +7,7 @@
 #include <array>
 #include <charconv>
 #include <map>
+#include <span>
 #include <string>
 
 #include "agent/import/csv.h"
@@ -31,11 +32,12 @@ constexpr std::array<std::string_view, 19> kConfigTypes{
     "",        "",     "",     "int16",  "uint16", "int32", "uint32", "int64",  "uint64", "float32",
     "float64", "bool", "bool", "string", "",       "",      "uint16", "uint32", "uint64"};
 
-/// Converts the number of a type; empty if a config has no such type.
-std::string_view type_of(std::int64_t number) {
-  return number >= 0 && number < std::ssize(kConfigTypes)
-             ? kConfigTypes[static_cast<std::size_t>(number)]
-             : "";
+/// Word orders by the number in the node's `endianess` or `endianess_64`; empty: none.
+constexpr std::array<std::string_view, 5> kOrders{"", "ABCD", "BADC", "DCBA", "CDAB"};
+
+/// Returns the word for a number; empty if there is none.
+std::string_view word_at(std::span<const std::string_view> words, std::int64_t number) {
+  return number >= 0 && number < std::ssize(words) ? words[static_cast<std::size_t>(number)] : "";
 }
 
 /// Converts the suffix after the #, with ABCD being 1,2,3,4; empty: unknown.
@@ -45,12 +47,6 @@ std::string_view order_of(std::string_view endian) {
   if (endian == "BL") return "CDAB";
   if (endian == "BB") return "DCBA";
   return {};
-}
-
-/// Converts the number in the node's `endianess` or `endianess_64`; empty: unknown.
-std::string_view order_of(std::int64_t code) {
-  constexpr std::array<std::string_view, 5> kOrders{"", "ABCD", "BADC", "DCBA", "CDAB"};
-  return code > 0 && code < std::ssize(kOrders) ? kOrders[static_cast<std::size_t>(code)] : "";
 }
 
 /// Returns the protocol of a plugin; empty if it is not supported.
@@ -137,13 +133,9 @@ struct Driver {
   std::vector<Group> groups;
 };
 
-std::string_view first_text(const ConfigNode& node, std::string_view one, std::string_view other) {
-  const std::string_view text = text_at(node, one);
-  return text.empty() ? text_at(node, other) : text;
-}
-
 Driver::Group group_of(const ConfigNode& node) {
-  Driver::Group group{&node, first_text(node, "group", "name"), integer_at(node, "interval"), {}};
+  Driver::Group group{&node, text_at(node, "group"), integer_at(node, "interval"), {}};
+  if (group.name.empty()) group.name = text_at(node, "name");
   for (const ConfigNode& tag : children_at(node, "tags")) group.tags.push_back(&tag);
   return group;
 }
@@ -301,7 +293,7 @@ void NeuronReader::read_tag(const Driver::Group& group, const ConfigNode& node) 
   const int line = line_of(node);
   const std::string_view name = text_at(node, "name");
   const auto number = integer_at(node, "type").value_or(0);
-  const std::string_view type = type_of(number);
+  const std::string_view type = word_at(kConfigTypes, number);
   if (type.empty())
     return out_.leave_out(line, std::string(name) + " has the type " + std::to_string(number) +
                                     ", which a config does not support");
@@ -344,7 +336,7 @@ void NeuronReader::read_params() {
   for (const auto& [key, order] :
        {std::pair("endianess"sv, &order_), std::pair("endianess_64"sv, &order_64_)})
     if (const auto code = integer_at(*driver_.params, key)) {
-      *order = order_of(*code);
+      *order = word_at(kOrders, *code);
       if (order->empty())
         note("not imported: " + std::string(key) + " " + std::to_string(*code) +
              ", which has no meaning here");
