@@ -1,6 +1,5 @@
 #include "agent/cli/doctor/guesses.h"
 
-#include <algorithm>
 #include <array>
 #include <variant>
 
@@ -14,7 +13,7 @@ constexpr std::int64_t kLastModbusUnit = 247;
 
 template <class Item>
 void add_once(std::vector<Item>& list, const Item& item) {
-  if (std::ranges::find(list, item) == list.end()) list.push_back(item);
+  if (!contains(list, item)) list.push_back(item);
 }
 
 /// Returns the shapes of a character, likeliest first. Their speed is that of `usual`.
@@ -43,7 +42,7 @@ std::vector<LineDefaults> line_guesses(const ProtocolInfo& protocol, const LineD
   add_at(own.baud);
   const auto& known = protocol.speeds;
   for (const int baud : kLikelySpeeds)
-    if (known.empty() || std::ranges::find(known, baud) != known.end()) add_at(baud);
+    if (known.empty() || contains(known, baud)) add_at(baud);
   return guesses;
 }
 
@@ -62,23 +61,22 @@ std::string parity_word(Parity parity) {
 }
 
 std::string_view station_key(const ProtocolInfo& protocol) {
-  for (const OptionSpec& option : protocol.options)
-    if (option.key == "station" || option.key == "unit") return option.key;
+  for (const std::string_view key : {"station", "unit"})
+    if (option_named(protocol, key) != nullptr) return key;
   return {};
 }
 
 std::vector<std::int64_t> station_guesses(const ProtocolInfo& protocol, std::int64_t own) {
   std::vector<std::int64_t> guesses{own};
-  for (const OptionSpec& option : protocol.options) {
-    if (option.key != "station" && option.key != "unit") continue;
-    const bool is_unit = option.key == "unit";
-    // A device of Modbus TCP without a bus behind it answers 255 or 0.
-    if (is_unit && !protocol.on_serial)
-      for (const std::int64_t usual : {255, 1, 0}) add_once(guesses, usual);
-    const std::int64_t first = is_unit ? 1 : option.min;  // 0 is a broadcast
-    const std::int64_t last = is_unit ? kLastModbusUnit : option.max;
-    for (std::int64_t each = first; each <= last; ++each) add_once(guesses, each);
-  }
+  const OptionSpec* option = option_named(protocol, station_key(protocol));
+  if (option == nullptr) return guesses;
+  const bool is_unit = option->key == "unit";
+  // A device of Modbus TCP without a bus behind it answers 255 or 0.
+  if (is_unit && !protocol.on_serial)
+    for (const std::int64_t usual : {255, 1, 0}) add_once(guesses, usual);
+  const std::int64_t first = is_unit ? 1 : option->min;  // 0 is a broadcast
+  const std::int64_t last = is_unit ? kLastModbusUnit : option->max;
+  for (std::int64_t each = first; each <= last; ++each) add_once(guesses, each);
   return guesses;
 }
 

@@ -277,10 +277,9 @@ DeviceConfig with_blocks(const DeviceConfig& device, std::uint32_t bytes) {
 /// Returns the maximum bytes of one read of the device's tags, ignoring the configured
 /// max_block_bytes.
 std::uint32_t most_bytes(const DeviceConfig& device) {
-  std::uint32_t most_configurable = 0;
-  for (const OptionSpec& option : device.protocol->options)
-    if (option.key == "max_block_bytes") most_configurable = static_cast<std::uint32_t>(option.max);
-  const auto codec = widest(with_blocks(device, most_configurable));
+  const OptionSpec* limit = option_named(*device.protocol, "max_block_bytes");
+  const auto codec =
+      widest(with_blocks(device, limit == nullptr ? 0 : static_cast<std::uint32_t>(limit->max)));
   std::set<std::uint16_t> spaces;
   for (const TagConfig& tag : device.tags) spaces.insert(tag.point.address.span.space);
   std::uint32_t most = 0;
@@ -464,7 +463,7 @@ std::uint32_t group_of(DeviceConfig& device, milliseconds interval) {
   auto& groups = device.groups;
   const auto same = std::ranges::find(groups, interval, &GroupConfig::interval);
   if (same != groups.end()) return static_cast<std::uint32_t>(same - groups.begin());
-  const bool is_taken = std::ranges::find(groups, "what-if", &GroupConfig::name) != groups.end();
+  const bool is_taken = contains(groups, "what-if", &GroupConfig::name);
   GroupConfig& group = groups.emplace_back();
   group.name = is_taken ? "what-if-" + std::to_string(interval.count()) : "what-if";
   group.interval = interval;
