@@ -26,7 +26,6 @@ namespace {
 using std::string_view_literals::operator""sv;
 
 constexpr std::int64_t kDefaultInterval = 10'000;  // default of Telegraf's agent
-constexpr char kOwnRegister = ' ';                 // each field names its own table
 
 int line_of(const toml::node& node) { return static_cast<int>(node.source().begin.line); }
 
@@ -134,7 +133,6 @@ class TelegrafReader {
   void read_plugin(const toml::table& plugin, std::int64_t interval);
   std::string link_of(const toml::table& plugin);
   ImportedDevice& device_of(std::int64_t unit, int line);
-  void read_fields(const toml::table& owner, std::string_view key, std::int64_t unit, Field field);
   void read_field(const toml::table& node, std::int64_t unit, Field field);
 
   const ImportOptions& options_;
@@ -267,15 +265,6 @@ void TelegrafReader::read_field(const toml::table& node, std::int64_t unit, Fiel
   device.tags.push_back(std::move(tag));
 }
 
-void TelegrafReader::read_fields(const toml::table& owner, std::string_view key, std::int64_t unit,
-                                 Field field) {
-  for (const toml::table* node : tables_of(owner[key])) {
-    Field own = field;
-    if (own.table == kOwnRegister) own.table = table_of(text_at(*node, "register"));
-    read_field(*node, unit, own);
-  }
-}
-
 void TelegrafReader::read_plugin(const toml::table& plugin, std::int64_t interval) {
   units_.clear();
   tag_names_.clear();
@@ -292,14 +281,17 @@ void TelegrafReader::read_plugin(const toml::table& plugin, std::int64_t interva
   const auto unit = integer_at(plugin, "slave_id").value_or(1);
   for (const auto list :
        {"discrete_inputs"sv, "coils"sv, "holding_registers"sv, "input_registers"sv})
-    read_fields(plugin, list, unit, {table_of(list), {}, true});
+    for (const toml::table* node : tables_of(plugin[list]))
+      read_field(*node, unit, {table_of(list), {}, true});
   for (const auto style : {"request"sv, "metric"sv})
     for (const toml::table* request : tables_of(plugin[style])) {
       list_unread_keys(*request, "the " + std::string(style),
                        {"slave_id", "byte_order", "register", "fields", "tags"});
-      const char table = style == "metric" ? kOwnRegister : table_of(text_at(*request, "register"));
-      read_fields(*request, "fields", integer_at(*request, "slave_id").value_or(0),
-                  {table, text_at(*request, "byte_order"), false});
+      for (const toml::table* node : tables_of((*request)["fields"])) {
+        const toml::table& place = style == "metric" ? *node : *request;
+        read_field(*node, integer_at(*request, "slave_id").value_or(0),
+                   {table_of(text_at(place, "register")), text_at(*request, "byte_order"), false});
+      }
       if (request->contains("tags"))
         out_.note(line_of(*request), "not imported: the tags of the request");
     }
