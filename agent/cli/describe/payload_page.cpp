@@ -13,8 +13,8 @@ namespace {
 
 Json all_of(Json one, Json other) { return {{"allOf", {std::move(one), std::move(other)}}}; }
 
-/// Returns a page without schemas and topics.
-Json page(const std::string& whose) {
+/// Returns a page with the schema of each topic, and the schemas that they refer to.
+Json page(const std::string& whose, Json topics, Json schemas) {
   return {
       {"$schema", "https://json-schema.org/draft/2020-12/schema"},
       {"title", "Payloads of " + whose},
@@ -22,7 +22,9 @@ Json page(const std::string& whose) {
        "An object with topics as keys and payloads as values. For a single payload use the schema "
        "that its topic refers to. Later versions of the agent may add keys and topics."},
       {"type", "object"},
-      {"properties", Json::object()}};
+      {"properties", std::move(topics)},
+      {"additionalProperties", false},
+      {"$defs", std::move(schemas)}};
 }
 
 Json of_topic(const Topic& topic, const std::string& schema) {
@@ -174,23 +176,17 @@ Json schemas_of(const Config& config) {
 }
 
 Json payload_page() {
-  Json out = page("fxagent");
+  Json all = Json::object();
   for (const Topic& topic : topics())
-    out["properties"]["{base}/" + std::string(topic.address)] =
-        of_topic(topic, std::string(topic.schema));
-  out["additionalProperties"] = false;
-  out["$defs"] = payload_schemas();
-  return out;
+    append(all, "{base}/" + std::string(topic.address), of_topic(topic, std::string(topic.schema)));
+  return page("fxagent", std::move(all), payload_schemas());
 }
 
 Json payload_page(const Config& config) {
-  Json out = page(config.base_topic());
-  Json& properties = out["properties"];
+  Json all = Json::object();
   for (const Place& place : places(config))
-    append(properties, place.address, of_topic(*place.topic, place.schema));
-  out["additionalProperties"] = false;
-  out["$defs"] = schemas_of(config);
-  return out;
+    append(all, place.address, of_topic(*place.topic, place.schema));
+  return page(config.base_topic(), std::move(all), schemas_of(config));
 }
 
 }  // namespace fxagent::contract
