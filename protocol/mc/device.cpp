@@ -66,12 +66,12 @@ constexpr std::array<DeviceKind, kSpaces> kKinds = {{
     {"CS", 0xC4, "CS", 0x4353, kDec, 1, 0},
     {"CC", 0xC3, "CC", 0x4343, kDec, 1, 0},
     {"CN", 0xC5, "CN", 0x434E, kDec, 16, 0},
-    {"CN", 0xC5, "CN", 0x434E, kDec, 32, kLong},
+    {"CN", 0xC5, "CN", 0x434E, kDec, 32, kLong, Unit::dword},
     {"LCS", 0x55, "", 0, kDec, 1, 0},
     {"LCC", 0x54, "", 0, kDec, 1, 0},
-    {"LCN", 0x56, "", 0, kDec, 32, 0},
-    {"LTN", 0x52, "", 0, kDec, 32, 0},
-    {"LSTN", 0x5A, "", 0, kDec, 32, 0},
+    {"LCN", 0x56, "", 0, kDec, 32, 0, Unit::long_count},
+    {"LTN", 0x52, "", 0, kDec, 32, 0, Unit::long_count},
+    {"LSTN", 0x5A, "", 0, kDec, 32, 0, Unit::long_count},
     {"D", 0xA8, "D*", 0x4420, kDec, 16, 0},
     {"D", 0xA8, "D*", 0x4420, kDec, 16, kSpecial},
     {"W", 0xB4, "W*", 0x5720, kHex, 16, 0},
@@ -81,7 +81,7 @@ constexpr std::array<DeviceKind, kSpaces> kKinds = {{
     {"ZR", 0xB0, "ZR", 0, kDec, 16, 0},
     {"RD", 0x2C, "", 0, kDec, 16, 0},
     {"Z", 0xCC, "Z*", 0, kDec, 16, 0},
-    {"LZ", 0x62, "", 0, kDec, 32, 0},
+    {"LZ", 0x62, "", 0, kDec, 32, 0, Unit::long_index},
 }};
 
 /// Number of devices, including those before the first number of the space.
@@ -354,21 +354,6 @@ Space space_of(Model model, std::string_view letters, std::uint32_t number) {
   return *found;
 }
 
-Unit unit_of(Space space) {
-  switch (space) {
-    case Space::cn32:
-      return Unit::dword;
-    case Space::lcn:
-    case Space::ltn:
-    case Space::lstn:
-      return Unit::long_count;
-    case Space::lz:
-      return Unit::long_index;
-    default:
-      return kind_of(space).bits == 1 ? Unit::bit : Unit::word;
-  }
-}
-
 Result<void> check_forbidden(const Span& span) {
   for (const NeverWritten& never : kNeverWritten)
     if (overlap(span, span_of(never.space, never.numbers)))
@@ -487,7 +472,8 @@ Result<Address> parse_address(Model model, std::string_view text, std::optional<
 
   Address address;
   address.text = device_name(model, space, *number);
-  address.unit = unit_of(space);
+  const DeviceKind& kind = kind_of(space);
+  address.unit = kind.bits == 1 ? Unit::bit : kind.number_unit;
   Numbers numbers{*number, *number};
   if (parts.group != 0) {
     if (!is_among(kGroupable, parts.letters))

@@ -103,6 +103,7 @@ struct DeviceKind {
   Numbering numbering = Numbering::decimal;
   std::uint32_t bits = 1;          ///< bits of one device: 1, 16 or 32
   std::uint32_t first_number = 0;  ///< number of the device at bit 0 of the space
+  Unit number_unit = Unit::word;   ///< unit of one device that is not a bit
 };
 const DeviceKind& kind_of(Space space);
 /// Bits of one device of a Span's space.
