@@ -316,24 +316,27 @@ std::string not_octal(Model model, const Parts& parts) {
          parts.letters + digits_of(before + 1, 8);
 }
 
+std::uint32_t base_of(Series series, Numbering numbering) {
+  if (numbering == Numbering::decimal) return 10;
+  const bool fx = series == Series::fx3 || series == Series::iq_f;
+  return numbering == Numbering::octal_on_fx && fx ? 8 : 16;
+}
+
 Result<std::uint32_t> number_in(Model model, const Parts& parts) {
   std::string_view digits = parts.digits;
   while (digits.size() > 1 && digits.front() == '0') digits.remove_prefix(1);
-  std::uint32_t base = 10;
   const Numbering numbering = numbering_of(parts.letters);
-  if (numbering != Numbering::decimal) base = 16;
-  if (numbering == Numbering::octal_on_fx) {
-    const Series series = series_of(model);
-    if (series == Series::fx3 || series == Series::iq_f) base = 8;
-    // Both bases agree on the first eight numbers. Beyond them a guess would read other inputs.
-    if (series == Series::unknown && (digits.size() > 1 || digits > "7"))
-      return refuse(parts.name +
-                    ": X and Y are numbered in octal on an FX5 and in hexadecimal on "
-                    "others, so `model` must be set for those above " +
-                    parts.letters + "7");
-    if (base == 8 && digits.find_first_not_of("01234567") != std::string_view::npos)
-      return refuse(not_octal(model, parts));
-  }
+  const Series series = series_of(model);
+  // Both bases agree on the first eight numbers. Beyond them a guess would read other inputs.
+  if (numbering == Numbering::octal_on_fx && series == Series::unknown &&
+      (digits.size() > 1 || digits > "7"))
+    return refuse(parts.name +
+                  ": X and Y are numbered in octal on an FX5 and in hexadecimal on "
+                  "others, so `model` must be set for those above " +
+                  parts.letters + "7");
+  const std::uint32_t base = base_of(series, numbering);
+  if (base == 8 && digits.find_first_not_of("01234567") != std::string_view::npos)
+    return refuse(not_octal(model, parts));
   std::uint32_t number = 0;
   const auto [end, error] =
       std::from_chars(digits.data(), digits.data() + digits.size(), number, static_cast<int>(base));
@@ -424,11 +427,7 @@ std::optional<Space> space_coded_1e(std::uint16_t one_e) {
 }
 
 std::uint32_t base_of(Model model, Space space) {
-  const Numbering numbering = kind_of(space).numbering;
-  if (numbering == Numbering::decimal) return 10;
-  const Series series = series_of(model);
-  const bool fx = series == Series::fx3 || series == Series::iq_f;
-  return numbering == Numbering::octal_on_fx && fx ? 8 : 16;
+  return base_of(series_of(model), kind_of(space).numbering);
 }
 
 std::optional<Numbers> numbers_of(Model model, Space space) {
