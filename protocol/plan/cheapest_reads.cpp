@@ -68,17 +68,13 @@ Forbidden::Forbidden(const Holes& holes, std::uint16_t space,
 }
 
 bool Forbidden::forbids(const ReadWay& way, const Extent& read) const {
-  if (holds(read)) return true;
-  if (way.gather == 0) return false;
-  const auto place = std::ranges::upper_bound(apart_, read.first, {}, &Extent::end);
-  return place != apart_.end() && place->first < read.end;
-}
-
-bool Forbidden::holds(const Extent& read) const {
   const auto cut = std::upper_bound(cuts_.begin(), cuts_.end(), read.first);
   if (cut != cuts_.end() && *cut < read.end) return true;
   const auto hole = std::ranges::lower_bound(missing_, read.first, {}, &Extent::first);
-  return hole != missing_.end() && hole->end <= read.end;
+  if (hole != missing_.end() && hole->end <= read.end) return true;
+  if (way.gather == 0) return false;
+  const auto place = std::ranges::upper_bound(apart_, read.first, {}, &Extent::end);
+  return place != apart_.end() && place->first < read.end;
 }
 
 std::optional<Extent> fit(const ReadWay& way, const Extent& wanted) {
@@ -207,9 +203,9 @@ std::optional<Extent> ReadSearch::read_of(std::size_t way, std::size_t first, st
   return fit(by, {bucket_.pieces[first].first, bucket_.pieces[last].end});
 }
 
-void ReadSearch::take(std::size_t way, const PartPrice& part, bool counts, std::size_t first,
-                      std::size_t last, const Extent& extent) {
-  const std::size_t step = counts ? 1 : 0;
+void ReadSearch::take(std::size_t way, const PartPrice& part, std::size_t first, std::size_t last,
+                      const Extent& extent) {
+  const std::size_t step = part.counted ? 1 : 0;
   const Cost own = price_of(way, extent) + part.each +
                    part.each_bit * static_cast<Cost>(extent.end - extent.first);
   for (std::size_t n = step; n < counts_; ++n) {
@@ -223,25 +219,24 @@ void ReadSearch::take(std::size_t way, const PartPrice& part, bool counts, std::
   }
 }
 
-void ReadSearch::try_way(std::size_t way, const PartPrice& part, bool counts, std::size_t last) {
+void ReadSearch::try_way(std::size_t way, const PartPrice& part, std::size_t last) {
   const ReadWay& by = bucket_.ways[way];
   // Near the last device a read may begin before its first piece (fit()).
   const bool may_stick_out = bucket_.pieces[last].end > by.end_bit - (by.unit_bits - 1);
   if (starts_[way].period == 0 || counts_ > 1 || may_stick_out)
-    try_all_starts(way, part, counts, last);
+    try_all_starts(way, part, last);
   else
     try_best_starts(way, part, last);
 }
 
-void ReadSearch::try_all_starts(std::size_t way, const PartPrice& part, bool counts,
-                                std::size_t last) {
+void ReadSearch::try_all_starts(std::size_t way, const PartPrice& part, std::size_t last) {
   // Go back from the last piece until a read cannot hold them all. A read that begins earlier
   // cannot either.
   for (std::size_t first = last + 1; first-- > partners_[way][last];) {
     const auto extent = read_of(way, first, last);
     if (!extent) break;
     if (!bucket_.forbidden.forbids(bucket_.ways[way], *extent))
-      take(way, part, counts, first, last, *extent);
+      take(way, part, first, last, *extent);
   }
 }
 
@@ -265,7 +260,7 @@ void ReadSearch::try_best_starts(std::size_t way, const PartPrice& part, std::si
       if (first < partners_[way][last]) continue;
       const auto extent = read_of(way, first, last);
       if (!extent || bucket_.forbidden.forbids(by, *extent)) continue;
-      take(way, part, false, first, last, *extent);
+      take(way, part, first, last, *extent);
       break;
     }
 }
@@ -280,8 +275,8 @@ std::vector<Cost> ReadSearch::run(const Terms& terms, const std::vector<Cost>& b
     for (std::size_t w = 0; w < bucket_.ways.size(); ++w) {
       const std::uint8_t gather = bucket_.ways[w].gather;
       PartPrice part;
-      if (gather != 0 && gather < terms.parts.size()) part = terms.parts[gather];
-      if (gather == 0 || part.open) try_way(w, part, gather != 0 && gather == terms.counted, last);
+      if (gather != 0 && gather < terms.size()) part = terms[gather];
+      if (gather == 0 || part.open) try_way(w, part, last);
     }
   std::vector<Cost> after(counts_);
   for (std::size_t n = 0; n < counts_; ++n) after[n] = best_[pieces() * counts_ + n].cost;

@@ -30,8 +30,6 @@ class Forbidden final {
 
   /// True if `way` must not make this read. A read that contains a forbidden one is forbidden.
   bool forbids(const ReadWay& way, const Extent& read) const;
-  /// True if no way may make this read.
-  bool holds(const Extent& read) const;
 
  private:
   std::vector<std::uint32_t> cuts_;  ///< ascending
@@ -71,12 +69,10 @@ struct PartPrice {
   bool open = false;  ///< false: no part uses this command
   Cost each = 0;
   Cost each_bit = 0;
+  bool counted = false;  ///< the search counts the parts; at most one command's
 };
-/// Limits of one search: the reads that it may choose.
-struct Terms {
-  std::vector<PartPrice> parts;  ///< by GatherCommand::gather; a command beyond its end is not open
-  std::uint8_t counted = 0;      ///< the command whose parts are counted; 0: none are
-};
+/// Limits of one search, by GatherCommand::gather. A command beyond the end is not open.
+using Terms = std::vector<PartPrice>;
 
 /// Searches one bucket, once for each set of terms.
 ///
@@ -129,13 +125,13 @@ class ReadSearch final {
   Starts starts_by(std::size_t way);
   Cost price_of(std::size_t way, const Extent& extent);
   /// Tries reads by `way` that end with piece `last`.
-  void try_way(std::size_t way, const PartPrice& part, bool counts, std::size_t last);
+  void try_way(std::size_t way, const PartPrice& part, std::size_t last);
   void try_best_starts(std::size_t way, const PartPrice& part, std::size_t last);
-  void try_all_starts(std::size_t way, const PartPrice& part, bool counts, std::size_t last);
+  void try_all_starts(std::size_t way, const PartPrice& part, std::size_t last);
   /// Returns nullopt if there is no such read.
   std::optional<Extent> read_of(std::size_t way, std::size_t first, std::size_t last);
-  void take(std::size_t way, const PartPrice& part, bool counts, std::size_t first,
-            std::size_t last, const Extent& extent);
+  void take(std::size_t way, const PartPrice& part, std::size_t first, std::size_t last,
+            const Extent& extent);
   Read read_by(std::uint8_t way, const Extent& extent) const;
 
   const Codec& codec_;

@@ -109,12 +109,12 @@ class GatherSearch final {
   static Terms priced(const std::vector<const Command*>& open, double by_parts, double by_bits) {
     Terms terms;
     for (const Command* command : open) {
-      if (terms.parts.size() <= command->gather) terms.parts.resize(command->gather + 1U);
+      if (terms.size() <= command->gather) terms.resize(command->gather + 1U);
       const auto around = static_cast<double>(command->around_parts);
       const bool any_size = command->max_bits == kAnySize;
       const double each = (any_size ? by_parts + by_bits : by_parts) * around / command->max_parts;
       const double each_bit = (any_size ? 0 : by_bits) * around / command->max_bits;
-      terms.parts[command->gather] = {true, static_cast<Cost>(each), static_cast<Cost>(each_bit)};
+      terms[command->gather] = {true, static_cast<Cost>(each), static_cast<Cost>(each_bit)};
     }
     return terms;
   }
@@ -167,10 +167,8 @@ class GatherSearch final {
 
   /// Finds the best plan with 1, 2 … `most` frames of the command, by counting their parts.
   void count(const Command& command, std::size_t most) {
-    Terms terms;
-    terms.parts.resize(command.gather + 1U);
-    terms.parts[command.gather].open = true;
-    terms.counted = command.gather;
+    Terms terms(command.gather + 1U);
+    terms[command.gather] = {.open = true, .counted = true};
     std::vector<Cost> costs(most * command.max_parts + 1, kImpossible);
     costs[0] = 0;
     for (ReadSearch& bucket : searches_) costs = bucket.run(terms, costs);

@@ -458,7 +458,7 @@ TEST(Plan, NoOtherSharingOfThePointsAroundTheHolesTakesLessLineTime) {
     const Plan plan = checked_plan(codec, points, cost, 0, holes);
     for (const PlannedRead& planned : plan.reads) {
       const Span& span = planned.read.span;
-      EXPECT_FALSE(Forbidden(holes, span.space).holds({span.first_bit, span.end_bit()}));
+      EXPECT_FALSE(Forbidden(holes, span.space).forbids({}, {span.first_bit, span.end_bit()}));
     }
     std::vector<Point> readable;
     for (std::uint32_t i = 0; i < points.size(); ++i) {
