@@ -73,8 +73,7 @@ void cut(const Write& part, std::vector<Write>& words, std::vector<Write>& dword
 }
 
 bool is_whole_words(const Span& span) {
-  const auto space = static_cast<Space>(span.space);
-  return span.bits % 16 == 0 && !(kind_of(space).bits == 1 && is_contact(space));
+  return span.bits % 16 == 0 && !is_contact(static_cast<Space>(span.space));
 }
 
 Result<Bytes> encode_bits(const Dialect& dialect, const Scatter& scatter, bool long_codes,
@@ -212,8 +211,7 @@ Result<Bytes> encode_write(const Dialect& dialect, const Write& write) {
                   device_name(dialect.model, span));
   if (width == 32) return encode_scatter(dialect, {{write}});
   const Limits limits = limits_of(dialect, long_codes);
-  const bool by_bits =
-      width == 1 && (span.bits % 16 != 0 || is_contact(static_cast<Space>(span.space)));
+  const bool by_bits = width == 1 && !is_whole_words(span);
   const std::uint32_t unit = by_bits ? 1 : 16;
   const std::uint32_t points = span.bits / unit;
   const std::uint32_t most = by_bits ? limits.bits : limits.words;
