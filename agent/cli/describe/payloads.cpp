@@ -12,7 +12,6 @@
 #include "agent/remote/remote_report.h"
 #include "agent/text/json_writer.h"
 #include "protocol/value/point.h"
-#include "protocol/value/value_range.h"
 
 namespace fxagent::contract {
 namespace {

@@ -10,8 +10,8 @@
 
 #include "agent/config/read/devices/templates.h"
 #include "protocol/plc.h"
+#include "protocol/value/point.h"
 #include "protocol/value/value.h"
-#include "protocol/value/value_range.h"
 
 namespace fxagent {
 

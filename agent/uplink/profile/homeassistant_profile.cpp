@@ -11,7 +11,7 @@
 #include "agent/text/json_writer.h"
 #include "agent/text/text.h"
 #include "protocol/letter_case.h"
-#include "protocol/value/value_range.h"
+#include "protocol/value/point.h"
 
 namespace fxagent {
 namespace {
