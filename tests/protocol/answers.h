@@ -119,6 +119,20 @@ Request scatter_of(const Exchange& e, SpanOf span_of) {
   return scatter;
 }
 
+/// Return a force of each of the first `count` bits of a space, and a write of each of its first
+/// `count` words.
+inline std::vector<Request> forces_of(std::uint16_t space, std::uint32_t count) {
+  std::vector<Request> requests;
+  for (std::uint32_t i = 0; i < count; ++i) requests.emplace_back(Force{space, i, true});
+  return requests;
+}
+inline std::vector<Request> word_writes_of(std::uint16_t space, std::uint32_t count) {
+  std::vector<Request> requests;
+  for (std::uint32_t i = 0; i < count; ++i)
+    requests.emplace_back(Write{{space, i * 16, 16}, Bytes(2)});
+  return requests;
+}
+
 /// Returns the field of an explanation.
 inline std::string field(const Explanation& out, std::string_view name) {
   for (const auto& [key, value] : out.fields)

@@ -274,17 +274,8 @@ TEST(ComputerLink, ExtensionRegistersGoByTheQCommands) {
 }
 
 TEST(ComputerLink, WhatOneFrameCannotCarryIsNotCombined) {
-  const auto forces = [](std::uint32_t count) {
-    std::vector<Request> requests;
-    for (std::uint32_t i = 0; i < count; ++i) requests.emplace_back(Force{id(Space::m), i, true});
-    return requests;
-  };
-  const auto words = [](std::uint32_t count) {
-    std::vector<Request> requests;
-    for (std::uint32_t i = 0; i < count; ++i)
-      requests.emplace_back(Write{{id(Space::d), i * 16, 16}, Bytes(2)});
-    return requests;
-  };
+  const auto forces = [](std::uint32_t count) { return forces_of(id(Space::m), count); };
+  const auto words = [](std::uint32_t count) { return word_writes_of(id(Space::d), count); };
   EXPECT_TRUE(station().combine(forces(20)));
   EXPECT_FALSE(station().combine(forces(21)));
   EXPECT_TRUE(station(Model::fx1s).combine(forces(10)));

@@ -213,17 +213,8 @@ TEST(OneE, WholeWordsOfBitsGoBy03AndOthersBy02) {
 }
 
 TEST(OneE, OneFrameCarries80BitsOrTenWords) {
-  const auto forces = [](std::uint32_t count) {
-    std::vector<Request> requests;
-    for (std::uint32_t i = 0; i < count; ++i) requests.emplace_back(Force{id(Space::m), i, true});
-    return requests;
-  };
-  const auto words = [](std::uint32_t count) {
-    std::vector<Request> requests;
-    for (std::uint32_t i = 0; i < count; ++i)
-      requests.emplace_back(Write{{id(Space::d), i * 16, 16}, Bytes(2)});
-    return requests;
-  };
+  const auto forces = [](std::uint32_t count) { return forces_of(id(Space::m), count); };
+  const auto words = [](std::uint32_t count) { return word_writes_of(id(Space::d), count); };
   EXPECT_TRUE(plc().combine(forces(80)));
   EXPECT_FALSE(plc().combine(forces(81)));
   EXPECT_TRUE(plc().combine(words(10)));
