@@ -2,7 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "protocol/mc/mc.h"
-#include "tests/support/transcripts.h"
+#include "tests/protocol/answers.h"
 
 namespace fxagent::mc {
 namespace {
@@ -68,21 +68,12 @@ std::optional<Request> request_of(const Mc& codec, const test::Exchange& e) {
   if (what == "stop") return Control{Control::Kind::stop};
   if (what.starts_with("explained")) return std::nullopt;
   const auto spans = places(codec, e);
-  if (what == "read_words" || what == "nak") {
-    Span span = spans.at(0);
-    span.bits = 16 * e.bytes;
-    return Read{span, kWordWay};
-  }
-  if (what == "read_bits") {
-    Span span = spans.at(0);
-    span.bits = e.bytes;
-    return Read{span, kBitWay};
-  }
-  if (what == "write_words") {
-    Span span = spans.at(0);
-    span.bits = 16 * e.bytes;
-    return Write{span, e.image};
-  }
+  const auto bits_from_first = [&](std::uint32_t bits) {
+    return Span{spans.at(0).space, spans.at(0).first_bit, bits};
+  };
+  if (what == "read_words" || what == "nak") return Read{bits_from_first(16 * e.bytes), kWordWay};
+  if (what == "read_bits") return Read{bits_from_first(e.bytes), kBitWay};
+  if (what == "write_words") return Write{bits_from_first(16 * e.bytes), e.image};
   if (what == "force_on") return Force{spans.at(0).space, spans.at(0).first_bit, true};
   if (what.starts_with("gather")) {
     const bool blocks = what == "gather_blocks";
@@ -96,8 +87,7 @@ std::optional<Request> request_of(const Mc& codec, const test::Exchange& e) {
   std::size_t at = 0;
   for (const Span& span : spans) {
     const std::size_t size = (span.bits + 7) / 8;
-    const auto begin = e.image.begin() + static_cast<std::ptrdiff_t>(at);
-    scatter.parts.push_back({span, Bytes(begin, begin + static_cast<std::ptrdiff_t>(size))});
+    scatter.parts.push_back({span, test::first(ByteView(e.image).subspan(at), size)});
     at += size;
   }
   return scatter;
@@ -125,29 +115,25 @@ TEST_P(McFrames, SpeaksAndUnderstandsEveryExchange) {
     const Wire wire = wire_of(GetParam().frame, e);
     const auto request = request_of(wire.codec, e);
     if (!request) continue;
-    const auto sent = wire.codec.encode(*request, wire.tag);
-    ASSERT_TRUE(sent) << sent.error().text;
-    EXPECT_EQ(to_hex(*sent), to_hex(e.request));
-    const LineLength length = wire.codec.line_length(*request);
+    test::expect_spoken(wire.codec, *request, e, wire.tag);
     ++spoken;
     if (e.reply.empty()) continue;
-    const auto reply = wire.codec.decode(*request, wire.tag, e.reply);
-    ASSERT_TRUE(reply && *reply) << (reply ? "needs more" : reply.error().text);
+    const Reply reply = test::answer(wire.codec, *request, e.reply, wire.tag);
     ++understood;
-    EXPECT_EQ((*reply)->consumed, e.reply.size());
+    EXPECT_EQ(reply.consumed, e.reply.size());
     if (e.operation == "nak") {
-      EXPECT_EQ((*reply)->kind, Reply::Kind::nak);
-      EXPECT_EQ((*reply)->device_code, e.image[0] | e.image[1] << 8);
-      EXPECT_FALSE((*reply)->text.empty());
+      EXPECT_EQ(reply.kind, Reply::Kind::nak);
+      EXPECT_EQ(reply.device_code, e.image[0] | e.image[1] << 8);
+      EXPECT_FALSE(reply.text.empty());
       continue;
     }
-    EXPECT_EQ((*reply)->kind, brings_data(*request) ? Reply::Kind::data : Reply::Kind::ack);
+    EXPECT_EQ(reply.kind, brings_data(*request) ? Reply::Kind::data : Reply::Kind::ack);
     if (brings_data(*request)) {
-      EXPECT_EQ(to_hex((*reply)->image), to_hex(e.image));
+      EXPECT_EQ(to_hex(reply.image), to_hex(e.image));
     }
     // Doubled bytes of format 5 are counted only if they are predictable: not in values.
     if (e.source.find("doubled, length") == std::string::npos) {
-      EXPECT_EQ(length.reply_chars, e.reply.size());
+      EXPECT_EQ(wire.codec.line_length(*request).reply_chars, e.reply.size());
     }
   }
   EXPECT_EQ(spoken, GetParam().spoken);
