@@ -247,8 +247,8 @@ std::vector<Sample> samples(std::string_view protocol) {
 }
 
 std::shared_ptr<const Codec> codec_of(const ProtocolInfo& info, const std::string& model) {
-  Options options{{"model", model}};
-  for (const OptionSpec& option : info.options) options[std::string(option.key)] = option.fallback;
+  Options options = default_options(info);
+  options["model"] = model;
   auto codec = info.make(options);
   EXPECT_TRUE(codec.has_value()) << info.name;
   return codec ? *codec : nullptr;

@@ -31,7 +31,6 @@ class GatheringCodec : public Codec, public AddressSpace {
     const std::uint16_t space = text[0] == 'W' ? 0 : 1;
     return Address{name, {space, number * 16, 16}, Unit::word, true};
   }
-  bool needs_type(std::string_view) const override { return false; }
   Result<Span> parse_range(std::string_view text) const override {
     return parse_address(text, std::nullopt)->span;
   }
@@ -40,7 +39,6 @@ class GatheringCodec : public Codec, public AddressSpace {
   }
   Result<void> check_range(const Span&) const override { return {}; }
   Result<void> check_write(const Span&) const override { return {}; }
-  ByteOrder default_order() const override { return ByteOrder::cdab; }
   std::vector<ReadWay> read_ways(std::uint16_t space) const override {
     const auto found = ways.find(space);
     return found == ways.end() ? std::vector<ReadWay>{} : found->second;
@@ -85,7 +83,6 @@ class GatheringCodec : public Codec, public AddressSpace {
     reply.consumed = 3 + size;
     return std::optional<Reply>(reply);
   }
-  bool expects_reply(const Request&) const override { return true; }
   Explanation explain(ByteView, std::optional<Direction>) const override { return {}; }
   Recovery after_silence() const override { return Recovery::none; }
   Recovery after_nonsense() const override { return Recovery::none; }

@@ -33,9 +33,7 @@ std::string message(const Mc& mc, const Request& request) {
 }
 
 std::string why_not(const Mc& mc, const Request& request) {
-  const auto frame = mc.encode(request, 1);
-  EXPECT_FALSE(frame);
-  return frame ? std::string() : frame.error().text;
+  return error_of(mc.encode(request, 1)).text;
 }
 
 std::string fault(const Mc& mc, const Request& request, std::string_view rx,
@@ -336,9 +334,7 @@ TEST(McMessages, ContactsAreNeverWrittenAsWords) {
 TEST(McMessages, InAsciiSomeDevicesOfAnFx5HaveNoCertainName) {
   const Mc mc = codec(Frame::e3, Model::fx5u, Code::ascii);
   const auto refused = [&](std::string_view text) {
-    const auto address = mc.parse_address(text, std::nullopt);
-    EXPECT_FALSE(address) << text;
-    return address ? std::string() : address.error().text;
+    return error_of(mc.parse_address(text, std::nullopt)).text;
   };
   expect_says(refused("X10"), "use `code` binary");
   expect_says(refused("K4Y20"), "use `code` binary");

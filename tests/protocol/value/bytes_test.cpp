@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/support/says.h"
+
 namespace fxagent {
 namespace {
 
@@ -21,18 +23,14 @@ TEST(Bytes, AreReadInEverySpellingPeopleUse) {
 }
 
 TEST(Bytes, ALetterThatIsNotHexIsNamedWithItsPlace) {
-  const auto bytes = from_hex("02 3G");
-  ASSERT_FALSE(bytes);
-  EXPECT_EQ(bytes.error().code, ErrorCode::bad_request);
-  EXPECT_EQ(bytes.error().text, "'G' at position 5 is not a hex digit");
+  const Error error = test::error_of(from_hex("02 3G"));
+  EXPECT_EQ(error.code, ErrorCode::bad_request);
+  EXPECT_EQ(error.text, "'G' at position 5 is not a hex digit");
 }
 
 TEST(Bytes, ASingleDigitIsLeftOver) {
-  for (const char* text : {"02 3", "3 02", "0x2"}) {
-    const auto bytes = from_hex(text);
-    ASSERT_FALSE(bytes) << text;
-    EXPECT_NE(bytes.error().text.find("left over"), std::string::npos) << text;
-  }
+  for (const char* text : {"02 3", "3 02", "0x2"})
+    test::expect_says(test::error_of(from_hex(text)).text, "left over");
 }
 
 TEST(Bytes, HexDigitsHaveValuesInBothCases) {

@@ -52,12 +52,9 @@ std::string written(const Point& point, const Value& value) {
 }
 
 PackFault fault(const Point& point, const Value& value) {
-  const auto image = pack(point, value);
-  EXPECT_FALSE(image.has_value());
-  if (!image) {
-    EXPECT_FALSE(image.error().text.empty());
-  }
-  return image ? PackFault{} : image.error().fault;
+  const PackError error = test::error_of(pack(point, value));
+  EXPECT_FALSE(error.text.empty());
+  return error.fault;
 }
 
 // ---- words of the config ----------------------------------------------------------------------
@@ -275,12 +272,9 @@ TEST(Unpack, AFloatIsTheShortestDecimalThatMeansIt) {
 
 TEST(Unpack, WhatIsNoNumberIsAnError) {
   const auto why = [](const Point& point, const char* image) {
-    const auto value = unpack(point, hex(image), 0);
-    EXPECT_FALSE(value.has_value());
-    if (!value) {
-      EXPECT_EQ(value.error().code, ErrorCode::bad_request);
-    }
-    return value ? "" : value.error().text;
+    const Error error = test::error_of(unpack(point, hex(image), 0));
+    EXPECT_EQ(error.code, ErrorCode::bad_request);
+    return error.text;
   };
   EXPECT_EQ(why(word_point(DataType::float32), "00 00 C0 7F"), "7FC00000 is NaN");
   EXPECT_EQ(why(word_point(DataType::float32), "00 00 80 7F"), "7F800000 is infinite");
