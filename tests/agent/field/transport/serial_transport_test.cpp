@@ -9,18 +9,16 @@
 #include <unistd.h>
 
 #include <array>
-#include <asio/io_context.hpp>
 #include <asio/post.hpp>
 #include <filesystem>
 
-#include "tests/agent/field/on_io.h"
+#include "tests/agent/field/transport/transport_test.h"
 #include "tests/support/says.h"
 
 namespace fxagent::test {
 namespace {
 
 using std::chrono::milliseconds;
-using Clock = std::chrono::steady_clock;
 
 /// A pty: the test holds the PLC's end, the agent opens the path.
 class Pty final {
@@ -62,32 +60,21 @@ class Pty final {
   std::string path_;
 };
 
-struct SerialTransportTest : ::testing::Test {
+struct SerialTransportTest : TransportTest {
   std::unique_ptr<Transport> port(const std::string& path) {
     return make_serial_transport(io.get_executor(), {.path = path});
   }
-  Result<void> open(Transport& transport) {
-    return run_on(io, transport.open(Clock::now() + milliseconds(1000)));
+  std::unique_ptr<Transport> opened(const Pty& pty) {
+    auto made = port(pty.path());
+    const auto opened = open(*made);
+    EXPECT_TRUE(opened) << opened.error().text;
+    return made;
   }
-  Transport::Written write(Transport& transport, const std::string& bytes) {
-    const Bytes copy(bytes.begin(), bytes.end());
-    return run_on(io, transport.write(copy, Clock::now() + std::chrono::seconds(10)));
-  }
-  /// Returns the bytes that arrived, or the error.
-  std::string read(Transport& transport, milliseconds within = std::chrono::seconds(10)) {
-    std::array<std::uint8_t, 64> into{};
-    const auto got = run_on(io, transport.read_some(into, Clock::now() + within));
-    if (!got) return got.error().code == ErrorCode::timeout ? "timeout" : "link_down";
-    return {into.begin(), into.begin() + static_cast<std::ptrdiff_t>(*got)};
-  }
-
-  asio::io_context io;
 };
 
 TEST_F(SerialTransportTest, BytesGoBothWaysUnchanged) {
   const Pty pty;
-  const auto transport = port(pty.path());
-  ASSERT_TRUE(open(*transport));
+  const auto transport = opened(pty);
   EXPECT_TRUE(transport->is_open());
   // Bytes that a terminal would swallow or change: ETX, CR, LF, XON, XOFF, EOT, and all 7 bits set.
   const std::string all = "\x02\x03\x04\x05\x06\x11\x13\x15\r\n\x1a\x7f";
@@ -148,8 +135,7 @@ TEST_F(SerialTransportTest, TwoOfOurOwnExcludeEachOther) {
 
 TEST_F(SerialTransportTest, ReadEndsAtItsDeadline) {
   const Pty pty;
-  const auto transport = port(pty.path());
-  ASSERT_TRUE(open(*transport));
+  const auto transport = opened(pty);
   EXPECT_EQ(read(*transport, milliseconds(10)), "timeout");
   EXPECT_EQ(read(*transport, milliseconds(0)), "timeout");
   EXPECT_TRUE(transport->is_open());
@@ -184,8 +170,7 @@ TEST_F(SerialTransportTest, VanishedPortIsLinkDownAndOpensAgainByItsPath) {
 
 TEST_F(SerialTransportTest, VanishedPortTakesNoBytes) {
   Pty pty;
-  const auto transport = port(pty.path());
-  ASSERT_TRUE(open(*transport));
+  const auto transport = opened(pty);
   pty.unplug();
   const auto written = write(*transport, "hello");
   EXPECT_EQ(written.sent, 0U);
@@ -195,10 +180,9 @@ TEST_F(SerialTransportTest, VanishedPortTakesNoBytes) {
 
 TEST_F(SerialTransportTest, LineThatTakesNoMoreBytesEndsTheWrite) {
   const Pty pty;  // its other end is never read
-  const auto transport = port(pty.path());
-  ASSERT_TRUE(open(*transport));
-  const Bytes flood(1 << 20, 0x55);
-  const auto written = run_on(io, transport->write(flood, Clock::now() + milliseconds(20)));
+  const auto transport = opened(pty);
+  const std::string flood(1 << 20, 0x55);
+  const auto written = write(*transport, flood, milliseconds(20));
   ASSERT_TRUE(written.error);
   EXPECT_GT(written.sent, 0U);
   EXPECT_LT(written.sent, flood.size());
@@ -206,8 +190,7 @@ TEST_F(SerialTransportTest, LineThatTakesNoMoreBytesEndsTheWrite) {
 
 TEST_F(SerialTransportTest, DiscardThrowsAwayWhatHasArrived) {
   const Pty pty;
-  const auto transport = port(pty.path());
-  ASSERT_TRUE(open(*transport));
+  const auto transport = opened(pty);
   EXPECT_EQ(transport->discard_input().value_or(Bytes(99)).size(), 0U);
   pty.say("stale reply");
   std::size_t thrown_away = 0;
@@ -221,8 +204,7 @@ TEST_F(SerialTransportTest, DiscardThrowsAwayWhatHasArrived) {
 
 TEST_F(SerialTransportTest, ClosingEndsAWaitingRead) {
   const Pty pty;
-  const auto transport = port(pty.path());
-  ASSERT_TRUE(open(*transport));
+  const auto transport = opened(pty);
   asio::post(io, [&] { asio::post(io, [&] { transport->close(); }); });
   EXPECT_EQ(read(*transport, std::chrono::hours(1)), "link_down");
   EXPECT_FALSE(transport->is_open());
@@ -230,8 +212,7 @@ TEST_F(SerialTransportTest, ClosingEndsAWaitingRead) {
 
 TEST_F(SerialTransportTest, NothingKeepsTheThreadAfterClosing) {
   const Pty pty;
-  const auto transport = port(pty.path());
-  ASSERT_TRUE(open(*transport));
+  const auto transport = opened(pty);
   pty.say("x");
   EXPECT_EQ(read(*transport, std::chrono::hours(1)), "x");
   transport->close();
@@ -242,8 +223,7 @@ TEST_F(SerialTransportTest, NothingKeepsTheThreadAfterClosing) {
 
 TEST_F(SerialTransportTest, PortIsRawAtTheSpeedAskedFor) {
   const Pty pty;
-  const auto transport = port(pty.path());
-  ASSERT_TRUE(open(*transport));
+  const auto transport = opened(pty);
   termios2 settings{};
   ASSERT_EQ(ioctl(pty.plc(), TCGETS2, &settings), 0);
   EXPECT_EQ(settings.c_ospeed, 9600U);

@@ -2,16 +2,13 @@
 
 #include <gtest/gtest.h>
 
-#include <array>
-#include <asio/io_context.hpp>
 #include <asio/ip/tcp.hpp>
 #include <asio/post.hpp>
 #include <asio/read.hpp>
 #include <asio/write.hpp>
 
 #include "agent/field/transport/host_lookup.h"
-#include "tests/agent/field/on_io.h"
-#include "tests/agent/field/transport/open_files.h"
+#include "tests/agent/field/transport/transport_test.h"
 #include "tests/support/says.h"
 
 namespace fxagent::test {
@@ -22,13 +19,10 @@ using std::chrono::milliseconds;
 using Clock = std::chrono::steady_clock;
 
 /// A serial server on the loopback with blocking calls: it runs between calls of the transport.
-struct TcpTransportTest : ::testing::Test {
+struct TcpTransportTest : TransportTest {
   std::unique_ptr<Transport> stream(std::string host = "127.0.0.1") {
     const auto port = server.local_endpoint().port();
     return make_tcp_transport(io.get_executor(), {std::move(host), port});
-  }
-  Result<void> open(Transport& transport) {
-    return run_on(io, transport.open(Clock::now() + std::chrono::seconds(10)));
   }
   /// Opens the stream and returns the peer's end.
   tcp::socket connect(Transport& transport) {
@@ -36,17 +30,10 @@ struct TcpTransportTest : ::testing::Test {
     EXPECT_TRUE(opened) << opened.error().text;
     return server.accept();
   }
-  std::string read(Transport& transport, milliseconds within = std::chrono::seconds(10)) {
-    std::array<std::uint8_t, 64> into{};
-    const auto got = run_on(io, transport.read_some(into, Clock::now() + within));
-    if (!got) return got.error().code == ErrorCode::timeout ? "timeout" : "link_down";
-    return {into.begin(), into.begin() + static_cast<std::ptrdiff_t>(*got)};
-  }
   static void say(tcp::socket& peer, const std::string& bytes) {
     asio::write(peer, asio::buffer(bytes));
   }
 
-  asio::io_context io;
   asio::io_context server_io;
   tcp::acceptor server{server_io, tcp::endpoint(asio::ip::address_v4::loopback(), 0)};
 };
@@ -54,11 +41,11 @@ struct TcpTransportTest : ::testing::Test {
 TEST_F(TcpTransportTest, BytesGoBothWays) {
   const auto transport = stream();
   tcp::socket peer = connect(*transport);
-  const Bytes request{0x05, 0x02, 0x03};
-  const auto written = run_on(io, transport->write(request, Clock::now() + milliseconds(1000)));
+  const std::string request = "\x05\x02\x03";
+  const auto written = write(*transport, request);
   EXPECT_EQ(written.sent, 3U);
   EXPECT_FALSE(written.error);
-  Bytes heard(3);
+  std::string heard(3, '\0');
   asio::read(peer, asio::buffer(heard));
   EXPECT_EQ(heard, request);
   say(peer, "\x06");
@@ -153,8 +140,8 @@ TEST_F(TcpTransportTest, OpensAgainAfterALoss) {
 TEST_F(TcpTransportTest, PeerThatTakesNoMoreBytesEndsTheWrite) {
   const auto transport = stream();
   tcp::socket peer = connect(*transport);
-  const Bytes flood(64 << 20, 0x55);
-  const auto written = run_on(io, transport->write(flood, Clock::now() + milliseconds(50)));
+  const std::string flood(64 << 20, 0x55);
+  const auto written = write(*transport, flood, milliseconds(50));
   ASSERT_TRUE(written.error);
   EXPECT_EQ(written.error->code, ErrorCode::link_down);
   EXPECT_GT(written.sent, 0U);

@@ -4,12 +4,10 @@
 #include <unistd.h>
 
 #include <array>
-#include <asio/io_context.hpp>
 #include <asio/ip/udp.hpp>
 #include <asio/post.hpp>
 
-#include "tests/agent/field/on_io.h"
-#include "tests/agent/field/transport/open_files.h"
+#include "tests/agent/field/transport/transport_test.h"
 #include "tests/support/says.h"
 
 namespace fxagent::test {
@@ -20,13 +18,10 @@ using std::chrono::milliseconds;
 using Clock = std::chrono::steady_clock;
 
 /// A device on the loopback with blocking calls: it runs between calls of the transport.
-struct UdpTransportTest : ::testing::Test {
+struct UdpTransportTest : TransportTest {
   std::unique_ptr<Transport> channel(std::string host = "127.0.0.1", std::uint16_t own = 0) {
     const auto port = device.local_endpoint().port();
     return make_udp_transport(io.get_executor(), {std::move(host), port, own});
-  }
-  Result<void> open(Transport& transport) {
-    return run_on(io, transport.open(Clock::now() + kLimit));
   }
   void open_well(Transport& transport) {
     const auto opened = open(transport);
@@ -36,10 +31,6 @@ struct UdpTransportTest : ::testing::Test {
     auto made = channel();
     open_well(*made);
     return made;
-  }
-  Transport::Written write(Transport& transport, const std::string& text) {
-    const Bytes bytes(text.begin(), text.end());
-    return run_on(io, transport.write(bytes, Clock::now() + kLimit));
   }
   /// Receives a text and returns its sender.
   udp::endpoint hear(std::string& text) {
@@ -56,17 +47,10 @@ struct UdpTransportTest : ::testing::Test {
     EXPECT_EQ(text, "question");
     return from;
   }
-  std::string read(Transport& transport, milliseconds within = kLimit, std::size_t room = 64) {
-    Bytes into(room);
-    const auto got = run_on(io, transport.read_some(into, Clock::now() + within));
-    if (!got) return got.error().code == ErrorCode::timeout ? "timeout" : got.error().text;
-    return {into.begin(), into.begin() + static_cast<std::ptrdiff_t>(*got)};
-  }
   void say(const udp::endpoint& to, const std::string& text) {
     device.send_to(asio::buffer(text), to);
   }
 
-  asio::io_context io;
   asio::io_context device_io;
   udp::socket device{device_io, udp::endpoint(asio::ip::address_v4::loopback(), 0)};
 };
@@ -213,8 +197,8 @@ TEST_F(UdpTransportTest, PortWhereNobodyListensIsLinkDownInWords) {
   device.close();
   open_well(*transport);
   EXPECT_FALSE(write(*transport, "question").error) << "it left; what becomes of it is told later";
-  const std::string told = read(*transport);
-  EXPECT_EQ(told.find(place + ": the device has no such UDP port"), 0U) << told;
+  EXPECT_EQ(read(*transport), "link_down");
+  EXPECT_EQ(read_error.find(place + ": the device has no such UDP port"), 0U) << read_error;
   // The refusal of the first request arrives with the next one, which was not sent.
   EXPECT_FALSE(write(*transport, "question").error);
   run_until(io, [&] { return !transport->discard_input().has_value(); });
@@ -317,8 +301,8 @@ TEST_F(UdpTransportTest, DiscardThrowsAwayWhatHasArrived) {
 TEST_F(UdpTransportTest, ClosingEndsAWaitingRead) {
   const auto transport = opened();
   asio::post(io, [&] { asio::post(io, [&] { transport->close(); }); });
-  const std::string told = read(*transport, std::chrono::hours(1));
-  EXPECT_EQ(told.find("127.0.0.1:"), 0U) << told;
+  EXPECT_EQ(read(*transport, std::chrono::hours(1)), "link_down");
+  EXPECT_EQ(read_error.find("127.0.0.1:"), 0U) << read_error;
   EXPECT_FALSE(transport->is_open());
   EXPECT_FALSE(transport->discard_input());
 }
