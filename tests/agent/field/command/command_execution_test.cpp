@@ -2,13 +2,11 @@
 
 #include <gtest/gtest.h>
 
-#include "agent/commands/admission.h"
 #include "agent/commands/result.h"
 #include "agent/field/command/command_line_time.h"
+#include "tests/agent/field/command/command_plant.h"
 #include "tests/agent/field/fake_port.h"
-#include "tests/agent/field/field_plant.h"
 #include "tests/agent/field/port_frames.h"
-#include "tests/agent/field/scripted_bus.h"
 
 namespace fxagent::test {
 namespace {
@@ -33,8 +31,8 @@ const Bytes kStop = force_frame(kForceM8037, true);
 const Bytes kRun = force_frame(kForceM8037, false);
 
 /// One open line with a PLC that has answered its enquiry; commands pass through real admission.
-struct CommandExecutionTest : ScriptedBusTest {
-  CommandExecutionTest() {
+struct CommandExecutionTest : CommandBusTest {
+  CommandExecutionTest() : CommandBusTest(port_device()) {
     const Codec& codec = *device.codec;
     device.tags.push_back(writable(tag(codec, "setpoint", "D200")));
     device.tags.push_back(writable(tag(codec, "start", "M100")));
@@ -50,7 +48,7 @@ struct CommandExecutionTest : ScriptedBusTest {
     wire->expect(kEnq).give(kAck);
   }
 
-  Command command(Op op, CommandTarget target) {
+  Command command(Op op, CommandTarget target = {}) {
     Command out = command_of("b7e1", op);
     if (!target.tag.empty()) out.targets.push_back(std::move(target));
     out.received = Clock::now();
@@ -58,7 +56,7 @@ struct CommandExecutionTest : ScriptedBusTest {
     return out;
   }
   Command write(std::string tag, Value value) {
-    return command(Op::write, {std::move(tag), "", std::nullopt, std::move(value)});
+    return command(Op::write, target_of(std::move(tag), std::move(value)));
   }
   Command write_50() { return write("setpoint", number(50)); }
   Command write_50_unverified() {
@@ -71,21 +69,14 @@ struct CommandExecutionTest : ScriptedBusTest {
     out.expect = std::move(there);
     return out;
   }
-  Command force_on() { return command(Op::force_on, {"start", "", std::nullopt, std::nullopt}); }
-  Command read(std::string tag) {
-    return command(Op::read, {std::move(tag), "", std::nullopt, std::nullopt});
-  }
-  Command admitted(Op op) { return command(op, {}); }
+  Command force_on() { return command(Op::force_on, target_of("start")); }
+  Command read(std::string tag) { return command(Op::read, target_of(std::move(tag))); }
 
+  using CommandBusTest::run;
   CommandResult run(Command command) {
-    auto decision = admission.admit(std::move(command), device.codec, 0, Clock::now());
-    if (const auto* refused = std::get_if<CommandResult>(&decision)) {
-      ADD_FAILURE() << "refused: " << to_string(refused->reason) << " " << refused->detail;
-      return *refused;
-    }
-    auto& admitted = std::get<AdmittedCommand>(decision);
-    if (before_sending) before_sending(admitted);
-    return run(admitted);
+    AdmittedCommand each = admitted(admission, std::move(command), device.codec);
+    if (before_sending) before_sending(each);
+    return run(each);
   }
   CommandResult run_interrupted(Command command) {
     auto admitted = admission.interrupted(std::move(command), device.codec, Clock::now());
@@ -93,21 +84,8 @@ struct CommandExecutionTest : ScriptedBusTest {
     ADD_FAILURE() << "nothing is to be read";
     return {};
   }
-  CommandResult run(const AdmittedCommand& admitted) {
-    Others others;
-    CommandExecution execution(io.get_executor(), *bus, station, device, limits, admitted, others);
-    CommandResult result = run_on(io, execution.run());
-    was_answered = execution.exchanges().was_answered();
-    was_unanswered = execution.exchanges().was_unanswered();
-    return result;
-  }
-
-  DeviceConfig device = port_device();
-  std::vector<Holes::Limit> limits;  ///< found by polls
   CommandAdmission admission{device};
   std::function<void(AdmittedCommand&)> before_sending;
-  bool was_answered = false;
-  bool was_unanswered = false;
 };
 
 // ---- writes of words ---------------------------------------------------------------------------
@@ -338,7 +316,7 @@ TEST_F(CommandExecutionMarks, CommandThatCannotBeMarkedIsNotSent) {
 
 TEST_F(CommandExecutionMarks, StopIsMarkedBeforeItLeaves) {
   wire->expect(kStop).give(kAck).expect(kProbe).give(kStopped);
-  EXPECT_EQ(run(admitted(Op::stop)).status, CommandStatus::succeeded);
+  EXPECT_EQ(run(command(Op::stop)).status, CommandStatus::succeeded);
   EXPECT_EQ(marks.frames_before, (std::vector<std::size_t>{0}));
 }
 
@@ -740,7 +718,7 @@ TEST_F(CommandExecutionTest, ReadOfWhatIsNoNumberFailed) {
 
 TEST_F(CommandExecutionTest, StopIsVerifiedByTheRunState) {
   wire->expect(kStop).give(kAck).expect(kProbe).give(kStopped);
-  const CommandResult result = run(admitted(Op::stop));
+  const CommandResult result = run(command(Op::stop));
   EXPECT_EQ(result.status, CommandStatus::succeeded);
   EXPECT_EQ(result.plc, PlcAnswer::ack);
   ASSERT_TRUE(result.targets.at(0).verify);
@@ -750,14 +728,14 @@ TEST_F(CommandExecutionTest, StopIsVerifiedByTheRunState) {
 
 TEST_F(CommandExecutionTest, RunStateMayTakeAMomentToFollow) {
   wire->expect(kRun).give(kAck).expect(kProbe).give(kStopped).expect(kProbe).give(kRunning);
-  const CommandResult result = run(admitted(Op::run));
+  const CommandResult result = run(command(Op::run));
   EXPECT_EQ(result.status, CommandStatus::succeeded);
   EXPECT_EQ(result.targets[0].verify.value_or(Verification{}).read, text("run"));
 }
 
 TEST_F(CommandExecutionTest, StopThatIsRefusedByAStoppedPlcSucceeded) {
   wire->expect(kStop).give(kNak).expect(kProbe).give(kStopped);
-  const CommandResult result = run(admitted(Op::stop));
+  const CommandResult result = run(command(Op::stop));
   EXPECT_EQ(result.status, CommandStatus::succeeded);
   EXPECT_EQ(result.plc, PlcAnswer::nak);
   EXPECT_EQ(result.attempts, 1) << "run and stop are never repeated";
@@ -767,7 +745,7 @@ TEST_F(CommandExecutionTest, StopIsNotRepeatedAfterSilence) {
   wire->expect(kStop).silence();
   wire->expect(kEnq).give(kAck).expect(kProbe).give(kStopped);  // the read that acts as barrier
   wire->expect(kProbe).give(kStopped);
-  const CommandResult result = run(admitted(Op::stop));
+  const CommandResult result = run(command(Op::stop));
   EXPECT_EQ(result.status, CommandStatus::succeeded);
   EXPECT_EQ(result.plc, PlcAnswer::none);
   EXPECT_EQ(result.attempts, 1);
@@ -776,7 +754,7 @@ TEST_F(CommandExecutionTest, StopIsNotRepeatedAfterSilence) {
 TEST_F(CommandExecutionTest, StopOverALinkThatBreaksIsSettledByTheNextConnection) {
   wire->expect(kStop).hang_up();
   wire->expect(kEnq).give(kAck).expect(kProbe).give(kStopped).expect(kProbe).give(kStopped);
-  const CommandResult result = run(admitted(Op::stop));
+  const CommandResult result = run(command(Op::stop));
   EXPECT_EQ(result.status, CommandStatus::succeeded);
   EXPECT_EQ(result.plc, PlcAnswer::none);
 }
@@ -784,7 +762,7 @@ TEST_F(CommandExecutionTest, StopOverALinkThatBreaksIsSettledByTheNextConnection
 TEST_F(CommandExecutionTest, PlcThatKeepsRunningIsAMismatchThatNamesTheSwitch) {
   wire->expect(kStop).give(kAck);
   wire->then([](ByteView) { return kRunning; });
-  const CommandResult result = run(admitted(Op::stop));
+  const CommandResult result = run(command(Op::stop));
   EXPECT_EQ(ending(result), "FAILED verify_mismatch");
   EXPECT_EQ(result.targets[0].verify.value_or(Verification{}).read, text("run"));
   EXPECT_NE(result.detail.find("switch"), std::string::npos) << result.detail;
@@ -796,7 +774,7 @@ TEST_F(CommandExecutionTest, StopWithAnotherAnswerBehindItsAckAndARunningPlcIsNo
   FakePort plc;
   plc.set(kM8000, {0x01});
   wire->then([&plc](ByteView request) { return plc.answer(request); });
-  const CommandResult result = run(admitted(Op::stop));
+  const CommandResult result = run(command(Op::stop));
   EXPECT_EQ(ending(result), "UNKNOWN_OUTCOME bad_frame");
   EXPECT_EQ(result.plc, PlcAnswer::none);
   EXPECT_EQ(result.targets.at(0).verify.value_or(Verification{}).read, text("run"));
@@ -806,7 +784,7 @@ TEST_F(CommandExecutionTest, RunStateIsAskedForTwoSecondsAndNoLonger) {
   wire->expect(kStop).give(kAck);
   wire->then([](ByteView) { return kRunning; });
   const auto began = Clock::now();
-  run(admitted(Op::stop));
+  run(command(Op::stop));
   // Polls every 100 ms, unless the poll would end after the 2 s; a slow machine polls less often.
   EXPECT_GE(Clock::now() - began, milliseconds(1900));
   EXPECT_LE(wire->written().size(), 2U + 20U) << "the enquiry, the command, and the questions";
@@ -821,9 +799,8 @@ TEST_F(CommandExecutionTest, LineTimeCountsEachReadingOfACommand) {
     command.id = std::move(id);
     command.verify = verify;
     command.expect = std::move(expect);
-    auto decision = admission.admit(std::move(command), device.codec, 0, Clock::now());
-    return set_line_times(*device.codec, device, limits, character,
-                          std::get<AdmittedCommand>(decision));
+    AdmittedCommand each = admitted(admission, std::move(command), device.codec);
+    return set_line_times(*device.codec, device, limits, character, each);
   };
   const nanoseconds write_alone = planned("1", false, std::nullopt);
   EXPECT_EQ(write_alone, (kWrite50.size() + kAck.size()) * character + milliseconds(30));
@@ -847,8 +824,8 @@ struct CommandExecutionOfAList : CommandExecutionTest {
     Command out = write_50();
     out.is_list = true;
     out.verify = false;
-    out.targets.push_back({"start", "", std::nullopt, flag(true)});
-    out.targets.push_back({"setpoint", "", std::nullopt, number(51)});
+    out.targets.push_back(target_of("start", flag(true)));
+    out.targets.push_back(target_of("setpoint", number(51)));
     return out;
   }
   const Bytes write_51 = write_frame(kD200, word(51));

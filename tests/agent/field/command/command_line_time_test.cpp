@@ -2,8 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "agent/commands/admission.h"
-#include "tests/agent/field/field_plant.h"
+#include "tests/agent/field/command/command_plant.h"
 
 namespace fxagent::test {
 namespace {
@@ -19,31 +18,18 @@ struct CommandLineTime : ::testing::Test {
     device.tags.push_back(writable(array_of(tag(*device.codec, "recipe", "D300"), 50)));
     device.commands.allow_run_stop = true;
   }
-  AdmittedCommand admitted(Command command) {
-    command.id = "b7e1";
-    command.received = std::chrono::steady_clock::now();
+  AdmittedCommand admitted(Op op, std::vector<CommandTarget> targets) {
+    Command command = command_of("b7e1", op, std::move(targets));
+    command.is_list = command.targets.size() > 1;
     CommandAdmission admission(device);
-    auto decision = admission.admit(std::move(command), device.codec, 0, command.received);
-    if (const auto* refused = std::get_if<CommandResult>(&decision)) {
-      ADD_FAILURE() << refused->detail;
-      return {};
-    }
-    return std::get<AdmittedCommand>(std::move(decision));
+    return test::admitted(admission, std::move(command), device.codec);
   }
   AdmittedCommand reading(std::string name) {
-    Command command;
-    command.op = Op::read;
-    command.targets.push_back({std::move(name), "", std::nullopt, std::nullopt});
-    return admitted(std::move(command));
+    return admitted(Op::read, {target_of(std::move(name))});
   }
   AdmittedCommand list() {
-    Command command;
-    command.op = Op::write;
-    command.is_list = true;
-    command.targets.push_back({"setpoint", "", std::nullopt, number(50)});
-    command.targets.push_back(
-        {"recipe", "", std::nullopt, Value::array(Scalars(50, Scalar(std::int64_t{1})))});
-    return admitted(std::move(command));
+    const Value ones = Value::array(Scalars(50, Scalar(std::int64_t{1})));
+    return admitted(Op::write, {target_of("setpoint", number(50)), target_of("recipe", ones)});
   }
   nanoseconds time_of(AdmittedCommand command, milliseconds character) {
     return set_line_times(*device.codec, device, {}, character, command);
@@ -66,10 +52,8 @@ TEST_F(CommandLineTime, CountsTheReadBeforeAStringOfOddLength) {
   const auto time_of_length = [&](std::uint16_t length, std::string value) {
     device.tags.push_back(writable(tag(*device.codec, "name", "D400", DataType::string)));
     device.tags.back().point.length = length;
-    Command command;
-    command.op = Op::write;
-    command.targets.push_back({"name", "", std::nullopt, text(std::move(value))});
-    const nanoseconds time = time_of(admitted(std::move(command)), milliseconds(1));
+    const nanoseconds time =
+        time_of(admitted(Op::write, {target_of("name", text(std::move(value)))}), milliseconds(1));
     device.tags.pop_back();
     return time;
   };
@@ -83,9 +67,7 @@ TEST_F(CommandLineTime, IsNotKnownOnALineOfUnknownSpeed) {
 }
 
 TEST_F(CommandLineTime, RunCountsTheQuestionsAboutItsEffectOnceAndInTheBoundForTwoSeconds) {
-  Command run;
-  run.op = Op::run;
-  AdmittedCommand command = admitted(std::move(run));
+  AdmittedCommand command = admitted(Op::run, {});
   set_line_times(*device.codec, device, {}, milliseconds(1), command);
   ASSERT_TRUE(command.line_time);
   EXPECT_EQ(time_of(command, milliseconds(1)), *command.line_time + seconds(2));

@@ -5,13 +5,11 @@
 #include <algorithm>
 #include <stdexcept>
 
-#include "agent/commands/admission.h"
 #include "agent/commands/result.h"
 #include "agent/field/command/command_line_time.h"
+#include "tests/agent/field/command/command_plant.h"
 #include "tests/agent/field/fake_port.h"
-#include "tests/agent/field/field_plant.h"
 #include "tests/agent/field/port_frames.h"
-#include "tests/agent/field/scripted_bus.h"
 
 namespace fxagent::test {
 namespace {
@@ -51,26 +49,19 @@ struct LinkCommandsTest : ScriptedBusTest {
     command.verify = false;
     command.is_list = tags.size() > 1;
     for (const int i : tags)
-      command.targets.push_back({"x" + std::to_string(i), "", std::nullopt, number(50 + i)});
+      command.targets.push_back(target_of("x" + std::to_string(i), number(50 + i)));
     submit(std::move(command));
   }
   void add_wide(std::string id) {
-    Command command = command_of(std::move(id), Op::write);
+    Command command = command_of(std::move(id), Op::write, {target_of("wide", number(9))});
     command.verify = false;
-    command.targets.push_back({"wide", "", std::nullopt, number(9)});
     submit(std::move(command));
   }
   void add(std::string id, Op op) { submit(command_of(std::move(id), op)); }
   void submit(Command command) {
-    command.received = Clock::now();
     LinkDevice& device = *devices[0];
     CommandAdmission admission(device.config);
-    auto decision = admission.admit(std::move(command), device.codec, 0, Clock::now());
-    if (const auto* refused = std::get_if<CommandResult>(&decision)) {
-      ADD_FAILURE() << refused->detail;
-      return;
-    }
-    commands->add(std::get<AdmittedCommand>(std::move(decision)), device);
+    commands->add(admitted(admission, std::move(command), device.codec), device);
   }
   void run_next() { run_on(io, commands->run_next()); }
   /// Runs the next due poll. Returns false if none is due.
@@ -230,9 +221,8 @@ TEST_F(LinkCommandsTest, DeviceThatHasAcknowledgedIsNotSilentThoughItsReadBackIs
     if (acknowledged) wire->give(kAck).expect(read_frame(kD200, 2));
     wire->silence();
     plc.silent = true;
-    Command command = command_of("write", Op::write);
+    Command command = command_of("write", Op::write, {target_of("x0", number(50))});
     command.verify = true;
-    command.targets.push_back({"x0", "", std::nullopt, number(50)});
     submit(std::move(command));
     run_next();
     EXPECT_EQ(scheduler.device(devices[0]->id).is_silent(), !acknowledged);
@@ -381,7 +371,7 @@ TEST_F(LinkCommandsTest, ReadsAreThoseThatTheBoundCounts) {
     return plc.answer(request);
   });
   const auto add_read = [this](std::string id) {
-    submit(command_of(std::move(id), Op::read, {{"wide", "", std::nullopt, std::nullopt}}));
+    submit(command_of(std::move(id), Op::read, {target_of("wide")}));
   };
   add_read("before");
   // Polls find that the device answers single words only.

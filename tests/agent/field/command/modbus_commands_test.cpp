@@ -2,68 +2,61 @@
 // broadcasts, several writes in one frame. The frames come from the specifications.
 #include <gtest/gtest.h>
 
-#include "agent/commands/admission.h"
-#include "agent/field/command/command_execution.h"
-#include "tests/agent/field/field_plant.h"
+#include "tests/agent/field/command/command_plant.h"
 #include "tests/agent/field/port_frames.h"
-#include "tests/agent/field/scripted_bus.h"
 
 namespace fxagent::test {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
 Bytes hex(std::string_view text) { return *from_hex(text); }
 
-/// One open line with one device; commands pass through real admission.
-struct CommandOnTheBusTest : ScriptedBusTest {
+struct CommandOnTheBusTest : CommandBusTest {
   void use(std::string_view protocol, std::shared_ptr<const Codec> codec) {
     device = device_on(protocol, std::move(codec));
     station.codec = device.codec;
     make_bus();
   }
+  void use_writable(std::string name, std::string_view address) {
+    device.tags.push_back(writable(tag(*device.codec, std::move(name), address)));
+  }
   void use_modbus(bool read_modify_write = false) {
     use("modbus-tcp", codec_of("modbus-tcp", {{"allow_read_modify_write", read_modify_write}}));
-    device.tags.push_back(writable(tag(*device.codec, "setpoint", "hr:10")));
-    device.tags.push_back(writable(tag(*device.codec, "enable", "hr:10.3")));
-    device.tags.push_back(writable(tag(*device.codec, "lamp", "co:5")));
+    use_writable("setpoint", "hr:10");
+    use_writable("enable", "hr:10.3");
+    use_writable("lamp", "co:5");
   }
 
-  CommandResult write(std::string tag, Value value, bool verify = false) {
-    Command command;
-    command.targets.push_back({std::move(tag), "", std::nullopt, std::move(value)});
-    return run(std::move(command), verify);
+  /// All units of a line, of which none answers.
+  void use_all_units() {
+    use("modbus-rtu", codec_of("modbus-rtu", {{"unit", std::int64_t{0}}}));
+    use_writable("setpoint", "hr:1");
   }
-  CommandResult read(std::string tag) {
-    Command command;
-    command.targets.push_back({std::move(tag), "", std::nullopt, std::nullopt});
-    return run(std::move(command), false, Op::read);
+  void use_computer_link() {
+    use("fx-computer-link", codec_of("fx-computer-link", {{"station", std::int64_t{5}},
+                                                          {"model", std::string("FX2N")}}));
+    station.enquire = EnquirePolicy::never;
   }
-  CommandResult run(Command command, bool verify, Op op = Op::write) {
-    command.id = "b7e1";
-    command.op = op;
-    command.op_text = op == Op::read ? "read" : "write";
-    command.verify = verify;
-    command.received = Clock::now();
+
+  CommandResult write(std::string tag, Value value) {
+    return run(Op::write, {target_of(std::move(tag), std::move(value))});
+  }
+  CommandResult read(std::string tag) { return run(Op::read, {target_of(std::move(tag))}); }
+  using CommandBusTest::run;
+  /// Several targets are a list.
+  CommandResult run(Op op, std::vector<CommandTarget> targets) {
+    Command command = command_of("b7e1", op, std::move(targets));
+    command.is_list = command.targets.size() > 1;
+    command.verify = false;
     command.received_ms = 1790000000000;
     CommandAdmission admission(device);
-    auto decision = admission.admit(std::move(command), device.codec, 0, Clock::now());
-    if (const auto* refused = std::get_if<CommandResult>(&decision)) {
-      ADD_FAILURE() << "refused: " << to_string(refused->reason) << " " << refused->detail;
-      return *refused;
-    }
-    Others others;
-    CommandExecution execution(io.get_executor(), *bus, station, device, limits,
-                               std::get<AdmittedCommand>(decision), others);
-    CommandResult result = run_on(io, execution.run());
-    was_answered = execution.exchanges().was_answered();
-    return result;
+    return run(admitted(admission, std::move(command), device.codec));
   }
-
-  DeviceConfig device;
-  std::vector<Holes::Limit> limits;  ///< found by polls
-  bool was_answered = false;
 };
+
+/// A frame of the computer link: a control character and text.
+Bytes link_frame(const Bytes& control, std::string_view text) {
+  return joined(control, Bytes(text.begin(), text.end()));
+}
 
 TEST_F(CommandOnTheBusTest, FunctionThatTheDeviceLacksIsReplacedByAnother) {
   use_modbus();
@@ -198,34 +191,27 @@ TEST_F(CommandOnTheBusTest, LateAnswerOnTcpIsToldByItsNumber) {
 }
 
 TEST_F(CommandOnTheBusTest, NobodyAnswersABroadcast) {
-  use("modbus-rtu", codec_of("modbus-rtu", {{"unit", std::int64_t{0}}}));
-  device.tags.push_back(writable(tag(*device.codec, "setpoint", "hr:1")));
+  use_all_units();
   // Serial Line V1.02: unit 0, function 06.
   wire->expect(hex("00 06 00 01 00 AA 59 A4"));
   const CommandResult result = write("setpoint", number(0xAA));
   EXPECT_EQ(ending(result), "UNKNOWN_OUTCOME broadcast");
   EXPECT_EQ(result.plc, PlcAnswer::none);
-  Command read;
-  read.id = "r";
-  read.op = Op::read;
-  read.targets.push_back({"setpoint", "", std::nullopt, std::nullopt});
-  read.received = Clock::now();
   CommandAdmission admission(device);
-  const auto decision = admission.admit(std::move(read), device.codec, 0, Clock::now());
+  const SteadyTime now = std::chrono::steady_clock::now();
+  Command read = command_of("r", Op::read, {target_of("setpoint")});
+  read.received = now;
+  const auto decision = admission.admit(std::move(read), device.codec, 0, now);
   ASSERT_TRUE(std::holds_alternative<CommandResult>(decision));
   EXPECT_EQ(std::get<CommandResult>(decision).reason, Reason::unknown_tag);
 }
 
 TEST_F(CommandOnTheBusTest, ListForAllUnitsIsSentToItsEnd) {
-  use("modbus-rtu", codec_of("modbus-rtu", {{"unit", std::int64_t{0}}}));
-  device.tags.push_back(writable(tag(*device.codec, "setpoint", "hr:1")));
+  use_all_units();
   wire->expect(hex("00 06 00 01 00 AA 59 A4"));
   wire->expect(hex("00 06 00 01 00 AA 59 A4"));
-  Command command;
-  command.is_list = true;
-  for (int i = 0; i < 2; ++i)
-    command.targets.push_back({"setpoint", "", std::nullopt, number(0xAA)});
-  const CommandResult result = run(std::move(command), false);
+  const CommandTarget target = target_of("setpoint", number(0xAA));
+  const CommandResult result = run(Op::write, {target, target});
   EXPECT_EQ(ending(result), "UNKNOWN_OUTCOME broadcast");
   EXPECT_EQ(result.targets.at(1).reason, Reason::broadcast);
   EXPECT_EQ(result.attempts, 2);
@@ -233,21 +219,15 @@ TEST_F(CommandOnTheBusTest, ListForAllUnitsIsSentToItsEnd) {
 
 // JY992D69901 8.6: three words in one frame; the sum as printed.
 TEST_F(CommandOnTheBusTest, ListGoesInOneFrameWhereTheProtocolHasOne) {
-  use("fx-computer-link",
-      codec_of("fx-computer-link", {{"station", std::int64_t{5}}, {"model", std::string("FX2N")}}));
-  device.tags.push_back(writable(tag(*device.codec, "a", "D500")));
-  device.tags.push_back(writable(tag(*device.codec, "b", "K4Y100")));
-  device.tags.push_back(writable(tag(*device.codec, "c", "CN100")));
-  const auto text = [](std::string_view t) { return Bytes(t.begin(), t.end()); };
-  station.enquire = EnquirePolicy::never;
-  wire->expect(joined(kEnq, text("05FFWT003D05001234Y0100BCA9CN100006407")))
-      .give(joined(kAck, text("05FF")));
-  Command command;
-  command.is_list = true;
-  command.targets.push_back({"a", "", std::nullopt, number(0x1234)});
-  command.targets.push_back({"b", "", std::nullopt, number(0xBCA9 - 0x10000)});
-  command.targets.push_back({"c", "", std::nullopt, number(100)});
-  const CommandResult result = run(std::move(command), false);
+  use_computer_link();
+  use_writable("a", "D500");
+  use_writable("b", "K4Y100");
+  use_writable("c", "CN100");
+  wire->expect(link_frame(kEnq, "05FFWT003D05001234Y0100BCA9CN100006407"))
+      .give(link_frame(kAck, "05FF"));
+  const CommandResult result =
+      run(Op::write, {target_of("a", number(0x1234)), target_of("b", number(0xBCA9 - 0x10000)),
+                      target_of("c", number(100))});
   EXPECT_EQ(result.status, CommandStatus::succeeded);
   EXPECT_TRUE(result.one_frame);
   EXPECT_EQ(result.attempts, 1);
@@ -256,20 +236,14 @@ TEST_F(CommandOnTheBusTest, ListGoesInOneFrameWhereTheProtocolHasOne) {
 
 // In one frame, the order of two writes to one place would be the PLC's.
 TEST_F(CommandOnTheBusTest, TargetsThatOverlapAreSentOneAfterTheOther) {
-  use("fx-computer-link",
-      codec_of("fx-computer-link", {{"station", std::int64_t{5}}, {"model", std::string("FX2N")}}));
-  device.tags.push_back(writable(tag(*device.codec, "a", "D500")));
-  device.tags.push_back(writable(tag(*device.codec, "again", "D500")));
-  const auto text = [](std::string_view t) { return Bytes(t.begin(), t.end()); };
-  const Bytes ack = joined(kAck, text("05FF"));
-  station.enquire = EnquirePolicy::never;
-  wire->expect(joined(kEnq, text("05FFWW0D0500010001FA"))).give(ack);
-  wire->expect(joined(kEnq, text("05FFWW0D0500010002FB"))).give(ack);
-  Command command;
-  command.is_list = true;
-  command.targets.push_back({"a", "", std::nullopt, number(1)});
-  command.targets.push_back({"again", "", std::nullopt, number(2)});
-  const CommandResult result = run(std::move(command), false);
+  use_computer_link();
+  use_writable("a", "D500");
+  use_writable("again", "D500");
+  const Bytes ack = link_frame(kAck, "05FF");
+  wire->expect(link_frame(kEnq, "05FFWW0D0500010001FA")).give(ack);
+  wire->expect(link_frame(kEnq, "05FFWW0D0500010002FB")).give(ack);
+  const CommandResult result =
+      run(Op::write, {target_of("a", number(1)), target_of("again", number(2))});
   EXPECT_EQ(result.status, CommandStatus::succeeded);
   EXPECT_FALSE(result.one_frame);
   EXPECT_EQ(result.attempts, 2);
