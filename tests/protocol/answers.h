@@ -119,14 +119,14 @@ Request scatter_of(const Exchange& e, SpanOf span_of) {
   return scatter;
 }
 
-/// Return a force of each of the first `count` bits of a space, and a write of each of its first
-/// `count` words.
+/// Returns a request to force each of the first `count` bits of a space.
 inline std::vector<Request> forces_of(std::uint16_t space, std::uint32_t count) {
   std::vector<Request> requests;
   for (std::uint32_t i = 0; i < count; ++i) requests.emplace_back(Force{space, i, true});
   return requests;
 }
-inline std::vector<Request> word_writes_of(std::uint16_t space, std::uint32_t count) {
+/// Returns a request to write zero to each of the first `count` words of a space.
+inline std::vector<Request> writes_of(std::uint16_t space, std::uint32_t count) {
   std::vector<Request> requests;
   for (std::uint32_t i = 0; i < count; ++i)
     requests.emplace_back(Write{{space, i * 16, 16}, Bytes(2)});

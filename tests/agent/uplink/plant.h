@@ -36,11 +36,7 @@ inline DeviceConfig press(std::string name) {
   DeviceConfig device;
   device.name = std::move(name);
   device.codec = codec();
-  GroupConfig fast;
-  fast.name = "fast";
-  GroupConfig slow;
-  slow.name = "slow";
-  device.groups = {fast, slow};
+  device.groups = {{.name = "fast"}, {.name = "slow"}};
   TagConfig temperature = tag("temp", "D100", DataType::int16);
   temperature.point.scale = 0.1;
   temperature.units =
@@ -92,6 +88,22 @@ inline Message message_on(std::string topic, std::string payload, bool retained 
   message.payload = std::move(payload);
   message.retained = retained;
   return message;
+}
+
+inline DeviceStatus status_of(std::uint32_t device, DeviceStatus::State state) {
+  DeviceStatus status;
+  status.device = device;
+  status.state = state;
+  return status;
+}
+
+/// A device that has answered every read so far.
+inline DeviceStatus online(std::uint32_t device) {
+  DeviceStatus status = status_of(device, DeviceStatus::State::online);
+  status.since_ms = 7;
+  status.model = "FX3U";
+  status.run = true;
+  return status;
 }
 
 inline DeviceStatus offline(std::uint32_t device, std::string reason, std::int64_t since_ms = 7) {

@@ -11,6 +11,7 @@ namespace {
 
 using nlohmann::json;
 using test::good;
+using test::online;
 using namespace std::chrono_literals;
 
 constexpr std::size_t kHistoryBytes = 16384;
@@ -20,16 +21,6 @@ TagReading bad(std::uint32_t tag, BadReason reason) {
   reading.tag = tag;
   reading.bad = reason;
   return reading;
-}
-
-DeviceStatus online(std::uint32_t device) {
-  DeviceStatus status;
-  status.device = device;
-  status.state = DeviceStatus::State::online;
-  status.since_ms = 7;
-  status.model = "FX3U";
-  status.run = true;
-  return status;
 }
 
 /// A sample as it arrives at the profile: a row, read again.

@@ -275,7 +275,7 @@ TEST(ComputerLink, ExtensionRegistersGoByTheQCommands) {
 
 TEST(ComputerLink, WhatOneFrameCannotCarryIsNotCombined) {
   const auto forces = [](std::uint32_t count) { return forces_of(id(Space::m), count); };
-  const auto words = [](std::uint32_t count) { return word_writes_of(id(Space::d), count); };
+  const auto words = [](std::uint32_t count) { return writes_of(id(Space::d), count); };
   EXPECT_TRUE(station().combine(forces(20)));
   EXPECT_FALSE(station().combine(forces(21)));
   EXPECT_TRUE(station(Model::fx1s).combine(forces(10)));

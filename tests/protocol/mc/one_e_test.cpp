@@ -214,7 +214,7 @@ TEST(OneE, WholeWordsOfBitsGoBy03AndOthersBy02) {
 
 TEST(OneE, OneFrameCarries80BitsOrTenWords) {
   const auto forces = [](std::uint32_t count) { return forces_of(id(Space::m), count); };
-  const auto words = [](std::uint32_t count) { return word_writes_of(id(Space::d), count); };
+  const auto words = [](std::uint32_t count) { return writes_of(id(Space::d), count); };
   EXPECT_TRUE(plc().combine(forces(80)));
   EXPECT_FALSE(plc().combine(forces(81)));
   EXPECT_TRUE(plc().combine(words(10)));

@@ -21,13 +21,6 @@ using namespace std::chrono_literals;
 
 constexpr std::int64_t kStartMs = 1790000000000;
 
-DeviceStatus status(std::uint32_t device, DeviceStatus::State state) {
-  DeviceStatus made;
-  made.device = device;
-  made.state = state;
-  return made;
-}
-
 struct OutletTest : testing::TestWithParam<ProfileConfig::Kind> {
   OutletTest() {
     config_.store.path = scratch_.path("store");
@@ -63,7 +56,7 @@ struct OutletTest : testing::TestWithParam<ProfileConfig::Kind> {
   }
   void take(DeviceStatus::State state) {
     Outbox::Batch batch;
-    batch.states = {status(0, state)};
+    batch.states = {test::status_of(0, state)};
     outlet_->take(batch, now_);
   }
   void take(double value) {

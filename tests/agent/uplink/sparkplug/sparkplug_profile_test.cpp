@@ -37,10 +37,7 @@ struct SparkplugTest : testing::Test {
         [] { return std::string("id-1"); }, [] { return kBornMs; });
   }
   void device(DeviceStatus::State state, std::uint32_t index = 0) {
-    DeviceStatus status;
-    status.device = index;
-    status.state = state;
-    profile_->device_state(status);
+    profile_->device_state(test::status_of(index, state));
   }
   void hear(const std::string& topic, std::string payload, bool retained = false) {
     profile_->hear(test::message_on(topic, std::move(payload), retained));

@@ -69,10 +69,7 @@ struct TypedCommandsTest : testing::Test {
         [] { return kSentMs; });
   }
   void device(DeviceStatus::State state, std::uint32_t index = 0) {
-    DeviceStatus status;
-    status.device = index;
-    status.state = state;
-    profile_->device_state(status);
+    profile_->device_state(test::status_of(index, state));
   }
   void hear(const std::string& topic, const char* text, bool retained = false) {
     profile_->hear(test::message_on("spCv1.0/plant-a/" + topic, test::bytes(text), retained));
