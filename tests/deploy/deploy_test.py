@@ -31,6 +31,8 @@ from waiting import PATIENCE, wait_for
 FXAGENT = os.environ["FXAGENT"]
 FXSIM = os.environ["FXSIM"]
 TOPIC = "fx/plant-a/edge7/press1"
+# Before a command: runs it as an unprivileged user. For root only.
+AS_NOBODY = ["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups"]
 # Debian installs the broker in /usr/sbin, which is only in root's PATH.
 SYSTEM_PATH = os.environ["PATH"] + ":/usr/sbin"
 # The tests parse the output of apt and dpkg, so it must be English.
@@ -47,8 +49,17 @@ def text_of(*parts):
         return file.read()
 
 
+def run(*arguments, **more):
+    return subprocess.run(arguments, capture_output=True, text=True, **more)
+
+
 def output_of(*arguments, **more):
-    return subprocess.run(arguments, capture_output=True, text=True, check=True, **more).stdout
+    return run(*arguments, check=True, **more).stdout
+
+
+def with_programs_of(directory):
+    """Returns the environment with the programs in `directory` before all others."""
+    return {**os.environ, "PATH": directory + ":" + os.environ["PATH"]}
 
 
 def packages():
@@ -81,7 +92,7 @@ def owners_of(paths):
     asked = sorted(set().union(*names.values()))
     found = {}
     for i in range(0, len(asked), 500):
-        done = subprocess.run(["dpkg", "-S", *asked[i:i + 500]], capture_output=True, text=True)
+        done = run("dpkg", "-S", *asked[i:i + 500])
         for line in done.stdout.splitlines():
             owners, _, path = line.rpartition(": ")
             if not owners.startswith("diversion "):
@@ -198,15 +209,13 @@ class Packages(unittest.TestCase):
         self.assertGreater(len(wanted), 3)
         for module in sorted(wanted):
             self.assertIn(module, found, "docker/packages.txt names no package for it")
-            done = subprocess.run(["/usr/bin/python3", "-c", "import " + module], capture_output=True,
-                                  text=True)
+            done = run("/usr/bin/python3", "-c", "import " + module)
             self.assertEqual(done.returncode, 0, f"{found[module]}: {done.stderr[-200:]}")
 
     def test_what_is_missing_is_named_with_its_package_and_the_cure(self):
         with tempfile.TemporaryDirectory() as build:
             def configure(*options):
-                done = subprocess.run(["cmake", "-S", ROOT, "-B", os.path.join(build, "b"), "-G", "Ninja", *options],
-                                      capture_output=True, text=True)
+                done = run("cmake", "-S", ROOT, "-B", os.path.join(build, "b"), "-G", "Ninja", *options)
                 return done.returncode, " ".join(done.stderr.split())
             status, text = configure("-DFXAGENT_TESTS=OFF", "-DCMAKE_DISABLE_FIND_PACKAGE_CLI11=ON")
             self.assertNotEqual(status, 0)
@@ -239,9 +248,7 @@ class Packages(unittest.TestCase):
         # Works even if the user may not install packages, and without a package system.
         with tempfile.TemporaryDirectory() as empty:
             os.symlink("/usr/bin/false", os.path.join(empty, "apt-get"))
-            environment = {**os.environ, "PATH": empty + ":" + os.environ["PATH"]}
-            done = subprocess.run([in_root("docker", "install.sh"), "build", "test"],
-                                  capture_output=True, text=True, env=environment)
+            done = run(in_root("docker", "install.sh"), "build", "test", env=with_programs_of(empty))
             self.assertEqual((done.returncode, done.stdout, done.stderr), (0, "", ""))
 
     def test_what_cannot_be_installed_is_named(self):
@@ -252,22 +259,18 @@ class Packages(unittest.TestCase):
                        "#!/bin/sh\necho 'E: no http://user@example.invalid:80/x' \"'a.example.com'\"\n"
                        "exit 100\n", 0o755)
             os.chmod(copy, 0o755)
-            environment = {**os.environ, "PATH": copy + ":" + os.environ["PATH"]}
+            environment = with_programs_of(copy)
             script = os.path.join(copy, "install.sh")
-
-            def call(*before):
-                return subprocess.run([*before, script, "some"], capture_output=True, text=True,
-                                      env=environment)
-            done = call()
+            done = run(script, "some", env=environment)
             self.assertEqual(done.returncode, 1)
             self.assertIn("no-such-package", done.stderr)
             self.assertNotIn("coreutils", done.stderr)
             self.assertNotIn("example", done.stderr)
             if os.getuid() == 0:
-                done = call("setpriv", "--reuid=65534", "--regid=65534", "--clear-groups")
+                done = run(*AS_NOBODY, script, "some", env=environment)
                 self.assertEqual(done.returncode, 1)
                 self.assertIn("only root can install: no-such-package", done.stderr)
-            done = subprocess.run([script, "nothing"], capture_output=True, text=True)
+            done = run(script, "nothing")
             self.assertEqual(done.returncode, 2)
             self.assertIn("no section 'nothing'", done.stderr)
 
@@ -337,7 +340,7 @@ class Scripts(unittest.TestCase):
             for folder, name in generated:
                 os.makedirs(os.path.join(root, folder), exist_ok=True)
                 shutil.copy(in_root(folder, name), os.path.join(root, folder, name))
-            done = subprocess.run([in_root("config", "generate.sh"), FXAGENT, root], capture_output=True, text=True)
+            done = run(in_root("config", "generate.sh"), FXAGENT, root)
             self.assertEqual(done.returncode, 0, done.stderr)
             for folder, name in generated:
                 with open(os.path.join(root, folder, name), encoding="utf-8") as file:
@@ -353,17 +356,16 @@ class Scripts(unittest.TestCase):
                     scripts.append(path)
                     self.assertTrue(os.access(path, os.X_OK), path + " is not executable")
         self.assertGreater(len(scripts), 5)
-        done = subprocess.run(["shellcheck", "-x", *scripts], capture_output=True, text=True, cwd=ROOT)
+        done = run("shellcheck", "-x", *scripts, cwd=ROOT)
         self.assertEqual(done.returncode, 0, done.stdout)
 
     def test_where_no_bare_root_can_be_made_it_says_why(self):
         script = in_root("tests", "deploy", "bare_machine.sh")
-        as_nobody = ["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups"] if os.getuid() == 0 else []
-        done = subprocess.run([*as_nobody, "bash", "-s", "--", "demo"], stdin=open(script), capture_output=True,
-                              text=True, cwd="/")
+        as_nobody = AS_NOBODY if os.getuid() == 0 else []
+        done = run(*as_nobody, "bash", "-s", "--", "demo", stdin=open(script), cwd="/")
         self.assertEqual((done.returncode, done.stdout), (3, ""), done.stderr)
         self.assertIn("cannot create a bare root here: only root can", done.stderr)
-        done = subprocess.run([script, "everything"], capture_output=True, text=True)
+        done = run(script, "everything")
         self.assertEqual(done.returncode, 2)
         self.assertIn("usage:", done.stderr)
 
@@ -382,8 +384,7 @@ class Scripts(unittest.TestCase):
 
         def call():
             """Returns the number of npm calls so far, the script's output, and True if packages are present."""
-            done = subprocess.run([in_root("tests", "npm.sh"), folder, target], capture_output=True, text=True,
-                                  env={**os.environ, "PATH": directory + ":" + os.environ["PATH"]})
+            done = run(in_root("tests", "npm.sh"), folder, target, env=with_programs_of(directory))
             self.assertEqual((done.returncode, done.stdout), (0, ""), done.stderr)
             with open(calls) as file:
                 lines = file.read().splitlines()
@@ -425,7 +426,7 @@ class Scripts(unittest.TestCase):
         output_of(script, "--check")
         with open(os.path.join(directory, "agent", "config", "json", "tree.cpp"), "a") as source:
             source.write('#include "agent/commands/parse/parse.h"\n')
-        done = subprocess.run([script, "--check"], capture_output=True, text=True)
+        done = run(script, "--check")
         self.assertEqual(done.returncode, 1)
         self.assertIn("commands <--> config", done.stderr)
 
@@ -526,9 +527,8 @@ class HealthCheck(unittest.TestCase):
         line = of_stage("agent", "HEALTHCHECK")[0]
         script, process, config = json.loads(re.search(r"CMD (\[.*\])", line)[1])
         self.assertEqual((process, config), ("1", "/etc/fxagent/agent.json"))
-        environment = {**os.environ, "PATH": self.directory + ":" + os.environ["PATH"]}
-        done = subprocess.run([in_root("docker", script), str(pid or self.agent.pid), self.config],
-                              capture_output=True, text=True, env=environment)
+        done = run(in_root("docker", script), str(pid or self.agent.pid), self.config,
+                   env=with_programs_of(self.directory))
         return done.returncode, done.stdout
 
     def test_an_agent_that_lives_is_healthy_without_its_broker(self):
@@ -722,17 +722,15 @@ class Compose(unittest.TestCase):
                    "/run/secrets/edge7": os.path.join(place["secrets"], "edge7"),
                    "/var/lib/fxagent": place["store"]}
         environment = {**os.environ, **{name: outside[value] for name, value in inside.items()}}
-        checked = subprocess.run([FXAGENT, "check", place["agent.json"]], capture_output=True, text=True,
-                                 env=environment)
+        checked = run(FXAGENT, "check", place["agent.json"], env=environment)
         self.assertEqual(checked.returncode, 0, checked.stderr)
         # In a container no other user exists who could read it.
         self.assertRegex(checked.stderr, r"\A(\S+ warning: /mqtt/password_file: .* everybody.*\n)?\Z")
         agent = start([FXAGENT, "run", place["agent.json"]], env=environment)
 
         def subscribe(user, secret, topic, count=1, patience=5):
-            return subprocess.run(
-                ["mosquitto_sub", "-p", str(port), "-u", user, "-P", secret, "-C", str(count), "-W",
-                 str(patience), "-t", topic], capture_output=True, text=True)
+            return run("mosquitto_sub", "-p", str(port), "-u", user, "-P", secret, "-C", str(count),
+                       "-W", str(patience), "-t", topic)
 
         def operator(topic):
             return subscribe("operator", password["operator"], topic).stdout
@@ -785,11 +783,10 @@ class Unit(unittest.TestCase):
                                               f"ExecStart={shutil.which('true')} ").text
             write_text(path, text)
             # The man page is part of the package.
-            done = subprocess.run(["systemd-analyze", "verify", "--man=no", path], capture_output=True, text=True)
+            done = run("systemd-analyze", "verify", "--man=no", path)
             self.assertEqual((done.returncode, done.stdout + done.stderr), (0, ""))
             # Tenths of systemd's exposure score from 0 to 10. The network and serial ports account for the rest.
-            done = subprocess.run(["systemd-analyze", "security", "--offline=true", "--threshold=25",
-                                   "--no-pager", path], capture_output=True, text=True)
+            done = run("systemd-analyze", "security", "--offline=true", "--threshold=25", "--no-pager", path)
             self.assertEqual(done.returncode, 0, done.stdout[-400:] + done.stderr)
 
     def test_a_reload_needs_no_program_that_a_small_machine_lacks(self):
