@@ -125,13 +125,13 @@ struct ShelfWithoutDisk : Shelf {
   }
 };
 
-/// Returns the audit records as another process reads them. Expects an intact chain.
-inline std::vector<std::string> audit_of(const Shelf& shelf) {
+/// Returns the audit records of a store as another process reads them. Expects an intact chain.
+inline std::vector<std::string> audit_of(const std::string& file) {
   std::vector<std::string> texts;
   audit::Verifier verifier;
   audit::Head head;
   const auto unread = AuditTrail::read(
-      shelf.file(),
+      file,
       [&](const audit::Record& record) {
         verifier.add(record);
         texts.push_back(record.text);
@@ -142,6 +142,7 @@ inline std::vector<std::string> audit_of(const Shelf& shelf) {
     ADD_FAILURE() << finding.record << ": " << finding.text;
   return texts;
 }
+inline std::vector<std::string> audit_of(const Shelf& shelf) { return audit_of(shelf.file()); }
 
 inline std::string told(const std::string& id) { return audit::delivery(1, "a", id, true, kNow); }
 

@@ -6,7 +6,7 @@
 
 #include "agent/commands/result.h"
 #include "agent/store/store.h"
-#include "tests/support/scratch.h"
+#include "tests/agent/store/shelf.h"
 
 namespace fxagent {
 namespace {
@@ -32,17 +32,8 @@ struct CommandLineAuditTest : ::testing::Test {
   /// Returns the records of the file as `fxagent audit` reads them. Expects an intact chain.
   std::vector<json> records() const {
     std::vector<json> all;
-    audit::Verifier verifier;
-    audit::Head head;
-    const auto unread = AuditTrail::read(
-        store_file_path(config.path),
-        [&](const audit::Record& record) {
-          verifier.add(record);
-          all.push_back(json::parse(record.text));
-        },
-        head);
-    EXPECT_FALSE(unread) << unread->why;
-    for (const audit::Finding& finding : verifier.finish(head)) ADD_FAILURE() << finding.text;
+    for (const std::string& text : test::audit_of(store_file_path(config.path)))
+      all.push_back(json::parse(text));
     return all;
   }
 
