@@ -50,8 +50,11 @@ struct JoinedGateway : Gateway {
   }
 };
 
-TEST(PairState, StatusThatIsRepeatedIsNotAnswered) {
+struct PairStateTest : ::testing::Test {
   JoinedGateway a;
+};
+
+TEST_F(PairStateTest, StatusThatIsRepeatedIsNotAnswered) {
   EXPECT_TRUE(a.steps(0, Action::publish_status));
   a.state.heard({.member = "b", .boot = "boot-b", .role = "standby"}, at(10));
   EXPECT_TRUE(a.steps(10, Action::publish_status)) << "the first one: it may have missed ours";
@@ -59,8 +62,7 @@ TEST(PairState, StatusThatIsRepeatedIsNotAnswered) {
   EXPECT_FALSE(a.steps(20, Action::publish_status)) << "the two would answer each other forever";
 }
 
-TEST(PairState, GatewayWhoseSessionBeganAnewIsThereAgain) {
-  JoinedGateway a;
+TEST_F(PairStateTest, GatewayWhoseSessionBeganAnewIsThereAgain) {
   a.state.heard({.member = "b", .boot = "boot-b", .role = "standby"}, at(10));
   a.state.heard({.member = "b", .boot = "boot-b", .role = "offline"}, at(20));
   EXPECT_EQ(a.peers.peer(), "");
@@ -68,8 +70,7 @@ TEST(PairState, GatewayWhoseSessionBeganAnewIsThereAgain) {
   EXPECT_EQ(a.peers.peer(), "b");
 }
 
-TEST(PairState, StatusNamesThePeerUntilItHasEnded) {
-  JoinedGateway a;
+TEST_F(PairStateTest, StatusNamesThePeerUntilItHasEnded) {
   a.state.heard({.member = "b", .boot = "boot-b", .role = "standby"}, at(10));
   EXPECT_TRUE(a.steps(10, Action::publish_status));
   a.state.heard({.member = "b", .boot = "boot-b", .role = "offline"}, at(20));
@@ -99,8 +100,7 @@ TEST(PairState, GatewayAloneClaimsAfterHalfTheSilence) {
   EXPECT_FALSE(a.steps(601, Action::connect_lease)) << "once";
 }
 
-TEST(PairState, FirstRequestComesAfterTheSilence) {
-  JoinedGateway a;
+TEST_F(PairStateTest, FirstRequestComesAfterTheSilence) {
   a.claim(1000);
   EXPECT_EQ(a.state.role(), PairRole::claiming);
   EXPECT_EQ(a.state.opens_at(), at(2200));
@@ -111,8 +111,7 @@ TEST(PairState, FirstRequestComesAfterTheSilence) {
   EXPECT_EQ(a.state.role(), PairRole::active);
 }
 
-TEST(PairState, PermissionCountsFromTheSendingOfAHeartbeatAndNotFromItsAcknowledgement) {
-  JoinedGateway a;
+TEST_F(PairStateTest, PermissionCountsFromTheSendingOfAHeartbeatAndNotFromItsAcknowledgement) {
   a.claim(1000);
   EXPECT_EQ(a.state.holds_until(), at(1600));
   a.state.heartbeat_sent(7, at(1200));
@@ -121,8 +120,7 @@ TEST(PairState, PermissionCountsFromTheSendingOfAHeartbeatAndNotFromItsAcknowled
   EXPECT_EQ(a.state.holds_until(), at(1800));
 }
 
-TEST(PairState, OnlyAHeartbeatAfterTheClaimPermitsRequests) {
-  JoinedGateway a;
+TEST_F(PairStateTest, OnlyAHeartbeatAfterTheClaimPermitsRequests) {
   a.claim(0);
   a.state.heartbeat_sent(++a.id, at(1000));
   a.state.has_claimed();
@@ -177,8 +175,7 @@ TEST(PairState, StandbyClaimsAtOnceWhenTheHolderHasEnded) {
   EXPECT_TRUE(b.steps(5620, Action::connect_lease)) << "a boot that has ended holds nothing";
 }
 
-TEST(PairState, LoserIsStandbyAndDoesNotThrash) {
-  JoinedGateway a;
+TEST_F(PairStateTest, LoserIsStandbyAndDoesNotThrash) {
   a.claim(1000);
   a.beat(2200);
   a.state.step(at(2200));
@@ -192,8 +189,7 @@ TEST(PairState, LoserIsStandbyAndDoesNotThrash) {
   EXPECT_EQ(a.state.holds_until(), BootTime{}) << "a late acknowledgement permits nothing";
 }
 
-TEST(PairState, BrokerThatAcknowledgesNothingIsLeft) {
-  JoinedGateway a;
+TEST_F(PairStateTest, BrokerThatAcknowledgesNothingIsLeft) {
   a.claim(1000);
   a.beat(2200);
   EXPECT_FALSE(a.steps(2800 + 2399, Action::drop_lease));
@@ -201,8 +197,7 @@ TEST(PairState, BrokerThatAcknowledgesNothingIsLeft) {
   EXPECT_FALSE(a.steps(2800 + 2401, Action::drop_lease)) << "once";
 }
 
-TEST(PairState, FailedClaimsGrowApart) {
-  JoinedGateway a;
+TEST_F(PairStateTest, FailedClaimsGrowApart) {
   ASSERT_TRUE(a.steps(600, Action::connect_lease));
   int now = 600;
   for (const int wait : {600, 1200, 2400, 4800, 9600, 9600}) {
@@ -213,8 +208,7 @@ TEST(PairState, FailedClaimsGrowApart) {
   }
 }
 
-TEST(PairState, WithoutItsMemberSessionAGatewayClaimsNothing) {
-  JoinedGateway a;
+TEST_F(PairStateTest, WithoutItsMemberSessionAGatewayClaimsNothing) {
   a.peers.left(false);
   EXPECT_FALSE(a.steps(100000, Action::connect_lease));
   EXPECT_EQ(a.peers.take_fault().text, "");
@@ -319,8 +313,7 @@ TEST(PairState, FaultsThatComeAndGoAreAlwaysNamed) {
   }
 }
 
-TEST(PairState, KnowsTheBootsOfThePair) {
-  JoinedGateway a;
+TEST_F(PairStateTest, KnowsTheBootsOfThePair) {
   a.state.heard({"b", "boot-b", "offline"}, at(1));
   a.peers.heard_heartbeat("a", "boot-old", 0, at(1));
   EXPECT_TRUE(a.peers.knows("boot-b"));

@@ -61,8 +61,11 @@ struct StandbyJournalTest : ::testing::Test {
   std::unique_ptr<Store> store_;
 };
 
-TEST_F(StandbyJournalTest, AnnouncedCommandWaitsForItsResultAndCountsAsSent) {
-  stand_by();
+struct StandbyJournalBegun : StandbyJournalTest {
+  StandbyJournalBegun() { stand_by(); }
+};
+
+TEST_F(StandbyJournalBegun, AnnouncedCommandWaitsForItsResultAndCountsAsSent) {
   journal_->keep_announced(command("1"), kTopic);
   take_over_store();
   EXPECT_EQ(kept("1").result, "");
@@ -70,8 +73,7 @@ TEST_F(StandbyJournalTest, AnnouncedCommandWaitsForItsResultAndCountsAsSent) {
   EXPECT_FALSE(kept("1").surely_not_sent);
 }
 
-TEST_F(StandbyJournalTest, ResultEndsItsCommand) {
-  stand_by();
+TEST_F(StandbyJournalBegun, ResultEndsItsCommand) {
   journal_->keep_announced(command("1"), kTopic);
   journal_->keep_result("press1", result("1", "SUCCEEDED"));
   take_over_store();
@@ -79,8 +81,7 @@ TEST_F(StandbyJournalTest, ResultEndsItsCommand) {
   EXPECT_TRUE(kept("1").acknowledged);
 }
 
-TEST_F(StandbyJournalTest, ResultThatCameBeforeItsAnnouncementIsKept) {
-  stand_by();
+TEST_F(StandbyJournalBegun, ResultThatCameBeforeItsAnnouncementIsKept) {
   journal_->keep_result("press1", result("1", "SUCCEEDED"));
   journal_->keep_announced(command("1"), kTopic);
   take_over_store();
@@ -88,8 +89,7 @@ TEST_F(StandbyJournalTest, ResultThatCameBeforeItsAnnouncementIsKept) {
   EXPECT_TRUE(kept("1").acknowledged);
 }
 
-TEST_F(StandbyJournalTest, FirstResultOfAnIdIsKept) {
-  stand_by();
+TEST_F(StandbyJournalBegun, FirstResultOfAnIdIsKept) {
   journal_->keep_announced(command("1"), kTopic);
   journal_->keep_result("press1", result("1", "DUPLICATE"));
   journal_->keep_result("press1", result("1", "FAILED"));
@@ -98,23 +98,20 @@ TEST_F(StandbyJournalTest, FirstResultOfAnIdIsKept) {
   EXPECT_EQ(kept("1").result, result("1", "FAILED"));
 }
 
-TEST_F(StandbyJournalTest, RefusedCommandHasNoAnnouncementAndIsKnown) {
-  stand_by();
+TEST_F(StandbyJournalBegun, RefusedCommandHasNoAnnouncementAndIsKnown) {
   journal_->keep_result("press1", result("1", "REJECTED"));
   take_over_store();
   EXPECT_TRUE(kept("1").refused);
   EXPECT_TRUE(kept("1").acknowledged);
 }
 
-TEST_F(StandbyJournalTest, ForeignTextsAreIgnored) {
-  stand_by();
+TEST_F(StandbyJournalBegun, ForeignTextsAreIgnored) {
   for (const char* text : {"", "{", "[]", R"({"id":"1"})"}) journal_->keep_result("press1", text);
   EXPECT_TRUE(take_over_store().journal().unacknowledged({}).empty());
   EXPECT_TRUE(store_->journal().known_ids({}).empty());
 }
 
-TEST_F(StandbyJournalTest, OwnCommandsOfAnEarlierProcessAreAcknowledgedButReadsAreNot) {
-  stand_by();
+TEST_F(StandbyJournalBegun, OwnCommandsOfAnEarlierProcessAreAcknowledgedButReadsAreNot) {
   Store& earlier = take_over_store();
   JournalEntry write = command("w");
   JournalEntry read = command("r", "read");
@@ -136,8 +133,7 @@ TEST_F(StandbyJournalTest, OwnCommandsOfAnEarlierProcessAreAcknowledgedButReadsA
   EXPECT_FALSE(kept("n").acknowledged) << "the other gateway announced it";
 }
 
-TEST_F(StandbyJournalTest, CommandThatTheOtherGatewayLeftKeepsItsResult) {
-  stand_by();
+TEST_F(StandbyJournalBegun, CommandThatTheOtherGatewayLeftKeepsItsResult) {
   JournalEntry done = command("done");
   done.result = result("done", "FAILED");
   JournalEntry unsent = command("unsent");
@@ -155,8 +151,7 @@ TEST_F(StandbyJournalTest, CommandThatTheOtherGatewayLeftKeepsItsResult) {
             (std::map<std::string, bool>{{"done", false}, {"sent", false}, {"unsent", true}}));
 }
 
-TEST_F(StandbyJournalTest, WhatItLeftIsUnansweredUntilItHearsTheResult) {
-  stand_by();
+TEST_F(StandbyJournalBegun, WhatItLeftIsUnansweredUntilItHearsTheResult) {
   journal_->keep_announced(command("1"), kTopic);
   journal_->keep_announced(command("2"), kTopic);
   take_over_store().close();
@@ -169,8 +164,7 @@ TEST_F(StandbyJournalTest, WhatItLeftIsUnansweredUntilItHearsTheResult) {
   EXPECT_EQ(left()[0].id, "2");
 }
 
-TEST_F(StandbyJournalTest, WhatHasNoReplyIsAnnouncedAgainAfterLongerAndLongerPauses) {
-  stand_by();
+TEST_F(StandbyJournalBegun, WhatHasNoReplyIsAnnouncedAgainAfterLongerAndLongerPauses) {
   journal_->keep_announced(command("1"), kTopic);
   take_over_store().close();
   store_.reset();
@@ -186,8 +180,7 @@ TEST_F(StandbyJournalTest, WhatHasNoReplyIsAnnouncedAgainAfterLongerAndLongerPau
   EXPECT_FALSE(journal_->next_unanswered(BootTime(std::chrono::hours(1))));
 }
 
-TEST_F(StandbyJournalTest, NextProcessKeepsWhatThisOneSaved) {
-  stand_by();
+TEST_F(StandbyJournalBegun, NextProcessKeepsWhatThisOneSaved) {
   journal_->keep_announced(command("known"), kTopic);
   take_over_store().close();
   store_.reset();
@@ -222,8 +215,7 @@ TEST_F(StandbyJournalTest, WhatCannotBeSavedIsReported) {
 }
 
 // Its sender has sent it again, and the other gateway carries it out: no proof of before is left.
-TEST_F(StandbyJournalTest, UnsentCommandThatTheOtherGatewayAnnouncesCountsAsSent) {
-  stand_by();
+TEST_F(StandbyJournalBegun, UnsentCommandThatTheOtherGatewayAnnouncesCountsAsSent) {
   JournalEntry unsent = command("1");
   unsent.surely_not_sent = true;
   journal_->keep_unanswered(unsent, kTopic);
@@ -238,8 +230,7 @@ TEST_F(StandbyJournalTest, UnsentCommandThatTheOtherGatewayAnnouncesCountsAsSent
   EXPECT_FALSE(store_->journal().unacknowledged({})[0].surely_not_sent);
 }
 
-TEST_F(StandbyJournalTest, CommandThatTheOtherGatewayMayHaveForgottenIsNotUnanswered) {
-  stand_by();
+TEST_F(StandbyJournalBegun, CommandThatTheOtherGatewayMayHaveForgottenIsNotUnanswered) {
   JournalEntry old = command("1");
   old.received_ms -= std::chrono::milliseconds(kRememberedFor).count();
   journal_->keep_unanswered(old, kTopic);
@@ -251,8 +242,7 @@ TEST_F(StandbyJournalTest, CommandThatTheOtherGatewayMayHaveForgottenIsNotUnansw
   EXPECT_EQ(left()[0].id, "2");
 }
 
-TEST_F(StandbyJournalTest, TakenOverEntryGetsANumberOfTheOtherStore) {
-  stand_by();
+TEST_F(StandbyJournalBegun, TakenOverEntryGetsANumberOfTheOtherStore) {
   Store& store = take_over_store();
   std::vector<JournalEntry> entries{command("open"), command("done")};
   entries[1].result = result("done", "SUCCEEDED");

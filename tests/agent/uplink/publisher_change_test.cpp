@@ -42,8 +42,11 @@ struct PublisherChange : ::testing::Test, test::PublisherBench {
   }
 };
 
-TEST_F(PublisherChange, TopicsOfADeviceThatIsGoneAreClearedAndTheOthersLeftAlone) {
-  online();
+struct PublisherChangeOnline : PublisherChange {
+  PublisherChangeOnline() { online(); }
+};
+
+TEST_F(PublisherChangeOnline, TopicsOfADeviceThatIsGoneAreClearedAndTheOthersLeftAlone) {
   outbox.push(test::offline(0, "timeout"));
   settle();
   broker.log.clear();
@@ -57,8 +60,7 @@ TEST_F(PublisherChange, TopicsOfADeviceThatIsGoneAreClearedAndTheOthersLeftAlone
   EXPECT_EQ(results().at(0)["reason"], "unknown_device");
 }
 
-TEST_F(PublisherChange, DeviceThatComesBackBeforeItsTopicsWereClearedKeepsThem) {
-  online();
+TEST_F(PublisherChangeOnline, DeviceThatComesBackBeforeItsTopicsWereClearedKeepsThem) {
   const Config both = config;
   broker.acknowledges = false;
   broker.receive_maximum = 4;
@@ -77,8 +79,7 @@ TEST_F(PublisherChange, DeviceThatComesBackBeforeItsTopicsWereClearedKeepsThem) 
   EXPECT_FALSE(is_cleared(kBase + "/press1/meta"));
 }
 
-TEST_F(PublisherChange, ChangedDeviceHasItsNewMetaAndNoStateUntilTheFieldTellsOne) {
-  online();
+TEST_F(PublisherChangeOnline, ChangedDeviceHasItsNewMetaAndNoStateUntilTheFieldTellsOne) {
   outbox.push(test::offline(0, "timeout"));
   settle();
   broker.log.clear();
@@ -95,8 +96,7 @@ TEST_F(PublisherChange, ChangedDeviceHasItsNewMetaAndNoStateUntilTheFieldTellsOn
   EXPECT_EQ(sample["meta"], meta["hash"]);
 }
 
-TEST_F(PublisherChange, SamplesFromBeforeAreThoseOfTheOldDevice) {
-  online();
+TEST_F(PublisherChangeOnline, SamplesFromBeforeAreThoseOfTheOldDevice) {
   const std::string old_hash = fxagent::json::device_meta(std::as_const(config).devices[0]).hash;
   Config wanted = config;
   wanted.devices[0].tags[test::temp] = test::tag("heat", "D100", DataType::int16);
@@ -110,8 +110,7 @@ TEST_F(PublisherChange, SamplesFromBeforeAreThoseOfTheOldDevice) {
   EXPECT_EQ(results().size(), 1U);
 }
 
-TEST_F(PublisherChange, CountersOfWhatHasEndedStayInTheSum) {
-  online();
+TEST_F(PublisherChangeOnline, CountersOfWhatHasEndedStayInTheSum) {
   for (std::uint64_t seq = 1; seq <= 4; ++seq) outbox.push(test::sample(seq));
   outbox.push(test::counted(6, 2));
   settle();
@@ -127,8 +126,7 @@ TEST_F(PublisherChange, CountersOfWhatHasEndedStayInTheSum) {
   EXPECT_FALSE(made().samples().miscounted);
 }
 
-TEST_F(PublisherChange, WhatWaitsForTheBrokerIsDeliveredThoughItsDeviceIsGone) {
-  online();
+TEST_F(PublisherChangeOnline, WhatWaitsForTheBrokerIsDeliveredThoughItsDeviceIsGone) {
   write("a");
   broker.reachable = false;
   lose_connection();
@@ -144,8 +142,7 @@ TEST_F(PublisherChange, WhatWaitsForTheBrokerIsDeliveredThoughItsDeviceIsGone) {
   EXPECT_TRUE(broker.on(kBase + "/press1/meta").empty()) << "of a connection after it";
 }
 
-TEST_F(PublisherChange, CommandThatCameBeforeIsAnsweredByWhatIsInForceWhenItsTurnComes) {
-  online();
+TEST_F(PublisherChangeOnline, CommandThatCameBeforeIsAnsweredByWhatIsInForceWhenItsTurnComes) {
   for (int i = 0; i < 100; ++i) {
     Message message;
     message.topic = kBase + "/press1/command";
@@ -167,8 +164,7 @@ TEST_F(PublisherChange, CommandThatCameBeforeIsAnsweredByWhatIsInForceWhenItsTur
       static_cast<std::ptrdiff_t>(before));
 }
 
-TEST_F(PublisherChange, OtherBrokerGetsWhatTheOldOneDidNotAcknowledge) {
-  online();
+TEST_F(PublisherChangeOnline, OtherBrokerGetsWhatTheOldOneDidNotAcknowledge) {
   broker.acknowledges = false;
   outbox.push(test::sample(5));
   write("a");
@@ -207,8 +203,7 @@ TEST_F(PublisherChange, GoodbyeToTheOldBrokerIsNotRepaired) {
   EXPECT_EQ(broker.disconnects, 1);
 }
 
-TEST_F(PublisherChange, StopBehindAGoodbyeStillSendsWhatWaits) {
-  online();
+TEST_F(PublisherChangeOnline, StopBehindAGoodbyeStillSendsWhatWaits) {
   broker.acknowledges = false;
   change_broker();
   step();
@@ -228,8 +223,7 @@ TEST_F(PublisherChange, OtherBrokerIsTriedAtOnceWhereTheOldOneIsAway) {
   EXPECT_EQ(broker.connects.back(), 0U);
 }
 
-TEST_F(PublisherChange, HealthSaysWhichConfigIsInForceAndWhyAnotherWasRefused) {
-  online();
+TEST_F(PublisherChangeOnline, HealthSaysWhichConfigIsInForceAndWhyAnotherWasRefused) {
   ConfigStatus status;
   status.hash = "0123456789abcdef";
   status.since_ms = 7;
@@ -243,8 +237,7 @@ TEST_F(PublisherChange, HealthSaysWhichConfigIsInForceAndWhyAnotherWasRefused) {
       "remote":{"version":"v7","state":"rolled_back","confirmed":false}})"));
 }
 
-TEST_F(PublisherChange, StatusNamesTheConfigThatItsIndicesAreOf) {
-  online();
+TEST_F(PublisherChangeOnline, StatusNamesTheConfigThatItsIndicesAreOf) {
   made().board().want_values();
   outbox.push(test::sample(5, 1));
   const auto read = [this] {

@@ -102,11 +102,17 @@ TEST(Gathering, ADeviceThatLacksTheCommandIsReadOneByOne) {
   EXPECT_LE(pairs.exchanges[0].size(), 2U);
 }
 
-TEST(Gathering, SuspectsGoWithEachOther) {
+/// Twelve words too far apart for one read, of a codec that reads 24 places in one frame.
+struct GatheringOfTwelve : ::testing::Test {
+  GatheringOfTwelve() {
+    codec.commands = {{1, 24}};
+    for (int n = 0; n < 12; ++n) points.push_back(point(codec, "W" + std::to_string(200 * n)));
+  }
   GatheringCodec codec = gathering_codec();
-  codec.commands = {{1, 24}};
   std::vector<Point> points;
-  for (int n = 0; n < 12; ++n) points.push_back(point(codec, "W" + std::to_string(200 * n)));
+};
+
+TEST_F(GatheringOfTwelve, SuspectsGoWithEachOther) {
   Holes holes;
   for (std::uint32_t n = 0; n < 6; ++n) holes.suspects.push_back({0, 200 * n * 16, 16});
   holes.most_suspects = 3;
@@ -120,11 +126,7 @@ TEST(Gathering, SuspectsGoWithEachOther) {
   }
 }
 
-TEST(Gathering, OnlyPlansThatReadASuspectAreHeldDown) {
-  GatheringCodec codec = gathering_codec();
-  codec.commands = {{1, 24}};
-  std::vector<Point> points;
-  for (int n = 0; n < 12; ++n) points.push_back(point(codec, "W" + std::to_string(200 * n)));
+TEST_F(GatheringOfTwelve, OnlyPlansThatReadASuspectAreHeldDown) {
   Holes holes;
   holes.suspects = {{0, 100 * 16, 16}, {1, 200 * 16, 16}};
   holes.most_others = 3;
@@ -134,11 +136,7 @@ TEST(Gathering, OnlyPlansThatReadASuspectAreHeldDown) {
   EXPECT_EQ(plan.exchange_count(), 4U + 1);
 }
 
-TEST(Gathering, MaxBlockBytesLowersWhatOneFrameBrings) {
-  GatheringCodec codec = gathering_codec();
-  codec.commands = {{1, 24}};
-  std::vector<Point> points;
-  for (int n = 0; n < 12; ++n) points.push_back(point(codec, "W" + std::to_string(200 * n)));
+TEST_F(GatheringOfTwelve, MaxBlockBytesLowersWhatOneFrameBrings) {
   EXPECT_EQ(make_plan(codec, points, kCost, 0).exchange_count(), 1U);
   const Plan plan = make_plan(codec, points, kCost, 8);
   EXPECT_EQ(plan.exchange_count(), 3U);

@@ -102,8 +102,11 @@ TEST(Plan, NeighboursWithoutNumbersDifferInLength) {
 
 // ---- merging ----------------------------------------------------------------------------------
 
-TEST(Plan, NeighboursShareOneRead) {
-  const ProgrammingPort codec({Model::fx3u});
+struct PlanOfAnFx3u : ::testing::Test {
+  const ProgrammingPort codec = ProgrammingPort({Model::fx3u});
+};
+
+TEST_F(PlanOfAnFx3u, NeighboursShareOneRead) {
   const std::vector<Point> points = {device(codec, "D100"), device(codec, "D105"),
                                      device(codec, "D102", DataType::int32)};
   const Plan plan = checked_plan(codec, points, kCost);
@@ -112,8 +115,7 @@ TEST(Plan, NeighboursShareOneRead) {
   EXPECT_EQ(plan.reads[0].points, (std::vector<std::uint32_t>{0, 1, 2}));
 }
 
-TEST(Plan, AGapIsReadWhereThatIsCheaperThanAnotherExchange) {
-  const ProgrammingPort codec({Model::fx3u});
+TEST_F(PlanOfAnFx3u, AGapIsReadWhereThatIsCheaperThanAnotherExchange) {
   const LineCost cost{1ms, 30ms};
   // A second read costs 30 ms, 11 characters out and 4 around the answer: 45 ms, as much as 11
   // words.
@@ -149,8 +151,7 @@ TEST(Plan, BitsAreReadByTheirByteAndNotBeyondTheLastDevice) {
   EXPECT_EQ(plan.reads[0].read.span, (Span{fx::id(fx::Space::y), 8, 8}));
 }
 
-TEST(Plan, TiersAndSpacesAreNeverMixed) {
-  const ProgrammingPort codec({Model::fx3u});
+TEST_F(PlanOfAnFx3u, TiersAndSpacesAreNeverMixed) {
   const std::vector<Point> points = {device(codec, "D1023"), device(codec, "D1024"),
                                      device(codec, "D8000"),
                                      device(codec, "M0", DataType::boolean)};
@@ -160,8 +161,7 @@ TEST(Plan, TiersAndSpacesAreNeverMixed) {
   EXPECT_EQ(plan.reads[plan.sources[1].first_read].read.way, ProgrammingPort::kExtendedWay);
 }
 
-TEST(Plan, AValueThatCrossesTheClassicReachIsReadWholeByTheExtendedSet) {
-  const ProgrammingPort codec({Model::fx3u});
+TEST_F(PlanOfAnFx3u, AValueThatCrossesTheClassicReachIsReadWholeByTheExtendedSet) {
   const std::vector<Point> points = {device(codec, "D1023", DataType::int32)};
   const Plan plan = make_plan(codec, points, kCost, 0);
   ASSERT_EQ(plan.reads.size(), 1U);
@@ -188,8 +188,7 @@ TEST(Plan, WhatNoWayReachesIsListedAndTheRestIsRead) {
   EXPECT_FALSE(value_of(plan, {}, points[1], 1));
 }
 
-TEST(Plan, NothingToReadIsAnEmptyPlan) {
-  const ProgrammingPort codec({Model::fx3u});
+TEST_F(PlanOfAnFx3u, NothingToReadIsAnEmptyPlan) {
   const Plan plan = make_plan(codec, {}, kCost, 0);
   EXPECT_TRUE(plan.reads.empty());
   EXPECT_EQ(plan.line_time, 0ns);
@@ -237,8 +236,7 @@ TEST(Plan, TheCheaperWayOfATierIsTaken) {
   EXPECT_EQ(used({bits(5), bits(40)}), 0);  // twelve instead of thirty-six
 }
 
-TEST(Plan, MaxBlockBytesLowersEveryRead) {
-  const ProgrammingPort codec({Model::fx3u});
+TEST_F(PlanOfAnFx3u, MaxBlockBytesLowersEveryRead) {
   std::vector<Point> points;
   for (int n = 0; n < 40; ++n) points.push_back(device(codec, "D" + std::to_string(n)));
   const LineCost cost{1ns, 1s};
@@ -252,8 +250,7 @@ TEST(Plan, MaxBlockBytesLowersEveryRead) {
 
 // ---- values longer than a frame ----------------------------------------------------------------
 
-TEST(Plan, AnArrayLongerThanAFrameGetsConsecutiveReadsAndComesBackWhole) {
-  const ProgrammingPort codec({Model::fx3u});
+TEST_F(PlanOfAnFx3u, AnArrayLongerThanAFrameGetsConsecutiveReadsAndComesBackWhole) {
   const std::vector<Point> points = {device(codec, "D10", DataType::int16, 100)};
   const Plan plan = checked_plan(codec, points, kCost);
   EXPECT_EQ(plan.reads.size(), 4U);
@@ -277,8 +274,7 @@ TEST(Plan, AnArrayLongerThanAFrameGetsConsecutiveReadsAndComesBackWhole) {
   test::expect_says(test::error_of(value_of(plan, images, points[0], 0)).text, "only partly read");
 }
 
-TEST(Plan, AValueIsNeverTakenFromAReadThatEndsBeforeIt) {
-  const ProgrammingPort codec({Model::fx3u});
+TEST_F(PlanOfAnFx3u, AValueIsNeverTakenFromAReadThatEndsBeforeIt) {
   const auto value_from = [&](std::uint32_t first, std::uint32_t words, const Point& point) {
     Plan plan;
     plan.reads.resize(1);
@@ -294,8 +290,7 @@ TEST(Plan, AValueIsNeverTakenFromAReadThatEndsBeforeIt) {
   EXPECT_FALSE(value_from(10, 2, device(codec, "D10", DataType::int16, 3)));
 }
 
-TEST(Plan, ALongArraySharesItsReadsWithItsNeighbours) {
-  const ProgrammingPort codec({Model::fx3u});
+TEST_F(PlanOfAnFx3u, ALongArraySharesItsReadsWithItsNeighbours) {
   const LineCost cost{1ns, 1s};
   // 21 + 40 words: two reads if the array is cut to fit its neighbours, otherwise three.
   const std::vector<Point> points = {device(codec, "D0", DataType::int16, 21),
@@ -304,8 +299,7 @@ TEST(Plan, ALongArraySharesItsReadsWithItsNeighbours) {
   EXPECT_EQ(plan.reads.size(), 2U);
 }
 
-TEST(Plan, TheElementsOfALongArrayAreNotTorn) {
-  const ProgrammingPort codec({Model::fx3u});
+TEST_F(PlanOfAnFx3u, TheElementsOfALongArrayAreNotTorn) {
   for (const std::uint32_t bytes : {6U, 10U, 64U}) {
     const std::vector<Point> points = {device(codec, "D1", DataType::int32, 40)};
     const Plan plan = checked_plan(codec, points, kCost, bytes);
@@ -318,8 +312,7 @@ TEST(Plan, TheElementsOfALongArrayAreNotTorn) {
   }
 }
 
-TEST(Plan, AnElementLargerThanAFrameIsCutAtUnits) {
-  const ProgrammingPort codec({Model::fx3u});
+TEST_F(PlanOfAnFx3u, AnElementLargerThanAFrameIsCutAtUnits) {
   Point text = device(codec, "D0", DataType::string);
   text.length = 100;
   const std::vector<Point> points = {text, device(codec, "D5")};

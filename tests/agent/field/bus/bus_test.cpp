@@ -115,8 +115,11 @@ TEST_F(BusTest, EnquiresBeforeEachRequestWhereThePolicySaysAlways) {
   EXPECT_TRUE(read("D100").is_data());
 }
 
-TEST_F(BusTest, NeverEnquiresWhereThePolicySaysNever) {
-  station.enquire = EnquirePolicy::never;
+struct BusWithoutEnquiry : BusTest {
+  BusWithoutEnquiry() { station.enquire = EnquirePolicy::never; }
+};
+
+TEST_F(BusWithoutEnquiry, NeverEnquiresWhereThePolicySaysNever) {
   wire->expect(kReadD100).give(word_frame(1)).expect(kReadD100).give(word_frame(2));
   open();
   EXPECT_TRUE(read("D100").is_data());
@@ -172,8 +175,7 @@ TEST_F(BusTest, EchoThatDoesNotComeIsNamed) {
   expect_says(answer.error, "not even the echo");
 }
 
-TEST_F(BusTest, EchoThatNobodyToldOfIsFoundByThreeReads) {
-  station.enquire = EnquirePolicy::never;
+TEST_F(BusWithoutEnquiry, EchoThatNobodyToldOfIsFoundByThreeReads) {
   const Bytes data = word_frame(234);
   for (int i = 0; i < 3; ++i) wire->expect(kReadD100).give(kReadD100).give(data);
   wire->expect(kWriteD200).give(kWriteD200).give(kAck);
@@ -349,8 +351,7 @@ TEST_F(BusTest, LateAckIsNotTakenForTheAckOfTheNextWrite) {
   EXPECT_EQ(write_d200(60).outcome, Outcome::unanswered);
 }
 
-TEST_F(BusTest, LateAckIsNotTakenForAnotherWithoutAnEnquiryEither) {
-  station.enquire = EnquirePolicy::never;
+TEST_F(BusWithoutEnquiry, LateAckIsNotTakenForAnotherWithoutAnEnquiryEither) {
   wire->expect(kWriteD200).silence();
   wire->silence();
   wire->expect(kProbe).give(joined(kAck, kProbeAnswer));
@@ -360,8 +361,7 @@ TEST_F(BusTest, LateAckIsNotTakenForAnotherWithoutAnEnquiryEither) {
   EXPECT_EQ(write_d200(60).outcome, Outcome::unanswered);
 }
 
-TEST_F(BusTest, LateNakIsNotTakenForTheProbesAnswer) {
-  station.enquire = EnquirePolicy::never;
+TEST_F(BusWithoutEnquiry, LateNakIsNotTakenForTheProbesAnswer) {
   wire->expect(kWriteD200).silence();
   wire->silence();  // the drain
   wire->expect(kProbe).give(kNak).expect(kNextProbe).give(kNextProbeAnswer);
@@ -371,8 +371,7 @@ TEST_F(BusTest, LateNakIsNotTakenForTheProbesAnswer) {
   EXPECT_TRUE(write_d200().is_ack());
 }
 
-TEST_F(BusTest, ReadsNakIsNotTakenForTheAnswerToAWriteHoweverLate) {
-  station.enquire = EnquirePolicy::never;
+TEST_F(BusWithoutEnquiry, ReadsNakIsNotTakenForTheAnswerToAWriteHoweverLate) {
   wire->expect(kReadD100).silence();
   wire->silence();  // the drain
   wire->expect(kProbe).give(kNak).expect(kNextProbe).give(kNextProbeAnswer);
@@ -382,8 +381,7 @@ TEST_F(BusTest, ReadsNakIsNotTakenForTheAnswerToAWriteHoweverLate) {
   EXPECT_TRUE(write_d200().is_ack());
 }
 
-TEST_F(BusTest, DeviceThatRefusesTheProbeForeverIsAskedAllTheSame) {
-  station.enquire = EnquirePolicy::never;
+TEST_F(BusWithoutEnquiry, DeviceThatRefusesTheProbeForeverIsAskedAllTheSame) {
   wire->expect(kWriteD200).silence();
   wire->silence();
   for (unsigned i = 1; i <= 3; ++i) wire->expect(read_frame(kM8000, i)).give(kNak);
@@ -487,8 +485,7 @@ TEST_F(BusTest, ListensBeforeTheFirstQuestionOfEachSession) {
   EXPECT_FALSE(bus->doubt().is_doubted()) << "a dead agent's answer is no sign of another master";
 }
 
-TEST_F(BusTest, TimeThatHasPassedSinceASilenceNeedNotBeListenedToAgain) {
-  station.enquire = EnquirePolicy::never;
+TEST_F(BusWithoutEnquiry, TimeThatHasPassedSinceASilenceNeedNotBeListenedToAgain) {
   station.timeout = milliseconds(300);
   open();
   // A busy machine may delay any single attempt. Without the credit, every attempt would wait for
@@ -548,8 +545,7 @@ TEST_F(BusTest, AfterADoubtALateSecondAnswerIsTakenForNoAnswer) {
   EXPECT_TRUE(read("D200").doubted) << "one answer more than questions has come";
 }
 
-TEST_F(BusTest, AGoodFrameOfAnotherLengthMakesReadsTwice) {
-  station.enquire = EnquirePolicy::never;
+TEST_F(BusWithoutEnquiry, AGoodFrameOfAnotherLengthMakesReadsTwice) {
   wire->expect(kReadD100).give(data_frame({1, 0, 2, 0})).silence();
   wire->expect(kReadD100).give(word_frame(2)).expect(kReadD100).give(word_frame(3));
   open();
@@ -558,8 +554,7 @@ TEST_F(BusTest, AGoodFrameOfAnotherLengthMakesReadsTwice) {
   EXPECT_FALSE(bus->doubt().is_doubted());
 }
 
-TEST_F(BusTest, TwoAnswersWhileOneIsOwedMakeReadsTwice) {
-  station.enquire = EnquirePolicy::never;
+TEST_F(BusWithoutEnquiry, TwoAnswersWhileOneIsOwedMakeReadsTwice) {
   wire->expect(kReadD100).silence();
   wire->give(word_frame(1)).later(word_frame(1)).silence();
   wire->expect(kReadD100).give(word_frame(2)).expect(kReadD100).give(word_frame(3));
@@ -569,8 +564,7 @@ TEST_F(BusTest, TwoAnswersWhileOneIsOwedMakeReadsTwice) {
   EXPECT_FALSE(bus->doubt().is_doubted());
 }
 
-TEST_F(BusTest, TheOneAnswerThatIsOwedCostsNoSecondRead) {
-  station.enquire = EnquirePolicy::never;
+TEST_F(BusWithoutEnquiry, TheOneAnswerThatIsOwedCostsNoSecondRead) {
   wire->expect(kReadD100).silence();
   wire->give(word_frame(1)).silence();
   wire->expect(kReadD100).give(word_frame(2));
@@ -609,8 +603,7 @@ TEST_F(BusTest, AnswerPastWhichAnOlderOneWasSkippedIsNoAnswer) {
   EXPECT_TRUE(bus->doubt().is_doubted());
 }
 
-TEST_F(BusTest, NakThatLiesBehindAnAckTakesTheAckWithIt) {
-  station.enquire = EnquirePolicy::never;
+TEST_F(BusWithoutEnquiry, NakThatLiesBehindAnAckTakesTheAckWithIt) {
   wire->expect(kWriteD200).give(joined(kAck, kNak));
   open();
   const Exchange first = write_d200();
@@ -619,15 +612,13 @@ TEST_F(BusTest, NakThatLiesBehindAnAckTakesTheAckWithIt) {
   EXPECT_EQ(bus->counters().bad_frames, 1U);
 }
 
-TEST_F(BusTest, NakThatHasArrivedByTheTimeTheAckWasReadTakesItWithItToo) {
-  station.enquire = EnquirePolicy::never;
+TEST_F(BusWithoutEnquiry, NakThatHasArrivedByTheTimeTheAckWasReadTakesItWithItToo) {
   wire->expect(kWriteD200).give(kAck).give(kNak);
   open();
   EXPECT_EQ(write_d200().outcome, Outcome::garbled);
 }
 
-TEST_F(BusTest, AckIsNotBelievedOnceAnotherAnswerWasFoundBehindOne) {
-  station.enquire = EnquirePolicy::never;
+TEST_F(BusWithoutEnquiry, AckIsNotBelievedOnceAnotherAnswerWasFoundBehindOne) {
   wire->expect(kWriteD200).give(kAck);
   open();
   EXPECT_TRUE(write_d200().is_ack()) << "nothing is known yet";
@@ -650,8 +641,7 @@ TEST_F(BusTest, NakIsNotBelievedInDoubtEither) {
   EXPECT_EQ(write_d200().outcome, Outcome::garbled);
 }
 
-TEST_F(BusTest, InDoubtItListensAsLongAsTheSlowestAnswerMayTake) {
-  station.enquire = EnquirePolicy::never;
+TEST_F(BusWithoutEnquiry, InDoubtItListensAsLongAsTheSlowestAnswerMayTake) {
   station.timeout = milliseconds(180);
   wire->expect(kReadD100).give(word_frame(1));
   open();

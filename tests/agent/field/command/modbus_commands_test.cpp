@@ -58,8 +58,11 @@ Bytes link_frame(const Bytes& control, std::string_view text) {
   return joined(control, Bytes(text.begin(), text.end()));
 }
 
-TEST_F(CommandOnTheBusTest, FunctionThatTheDeviceLacksIsReplacedByAnother) {
-  use_modbus();
+struct ModbusOnTheBusTest : CommandOnTheBusTest {
+  ModbusOnTheBusTest() { use_modbus(); }
+};
+
+TEST_F(ModbusOnTheBusTest, FunctionThatTheDeviceLacksIsReplacedByAnother) {
   wire->expect(hex("0001 0000 0006 01 06 000A 0032")).give(hex("0001 0000 0003 01 86 01"));
   wire->expect(hex("0002 0000 0009 01 10 000A 0001 02 0032"))
       .give(hex("0002 0000 0006 01 10 000A 0001"));
@@ -68,8 +71,7 @@ TEST_F(CommandOnTheBusTest, FunctionThatTheDeviceLacksIsReplacedByAnother) {
   EXPECT_EQ(result.attempts, 2);
 }
 
-TEST_F(CommandOnTheBusTest, CoilGoesByFifteenWhereFiveIsMissing) {
-  use_modbus();
+TEST_F(ModbusOnTheBusTest, CoilGoesByFifteenWhereFiveIsMissing) {
   wire->expect(hex("0001 0000 0006 01 05 0005 FF00")).give(hex("0001 0000 0003 01 85 01"));
   wire->expect(hex("0002 0000 0008 01 0F 0005 0001 01 01"))
       .give(hex("0002 0000 0006 01 0F 0005 0001"));
@@ -86,8 +88,7 @@ TEST_F(CommandOnTheBusTest, BitOfARegisterIsReadChangedAndWrittenWhereThatIsAllo
   EXPECT_EQ(result.attempts, 2);
 }
 
-TEST_F(CommandOnTheBusTest, BitOfARegisterIsNotReadAndWrittenWhereThatIsNotAllowed) {
-  use_modbus();
+TEST_F(ModbusOnTheBusTest, BitOfARegisterIsNotReadAndWrittenWhereThatIsNotAllowed) {
   wire->expect(hex("0001 0000 0008 01 16 000A FFF7 0000")).give(hex("0001 0000 0003 01 96 01"));
   const CommandResult result = write("enable", flag(false));
   EXPECT_EQ(ending(result), "FAILED nak");
@@ -107,8 +108,7 @@ TEST_F(CommandOnTheBusTest, ReadThatMustComeFirstAndFailsLeavesTheRegisterAlone)
   EXPECT_EQ(result.attempts, 1);
 }
 
-TEST_F(CommandOnTheBusTest, BusyDeviceIsAskedOnceMore) {
-  use_modbus();
+TEST_F(ModbusOnTheBusTest, BusyDeviceIsAskedOnceMore) {
   const Bytes again = hex("0002 0000 0006 01 06 000A 0032");
   wire->expect(hex("0001 0000 0006 01 06 000A 0032")).give(hex("0001 0000 0003 01 86 06"));
   wire->expect(again).give(again);
@@ -118,8 +118,7 @@ TEST_F(CommandOnTheBusTest, BusyDeviceIsAskedOnceMore) {
   EXPECT_GE(result.wire, std::chrono::milliseconds(100)) << "it says itself that it has no time";
 }
 
-TEST_F(CommandOnTheBusTest, BusyDeviceIsReadOnceMore) {
-  use_modbus();
+TEST_F(ModbusOnTheBusTest, BusyDeviceIsReadOnceMore) {
   wire->expect(hex("0001 0000 0006 01 03 000A 0001")).give(hex("0001 0000 0003 01 83 06"));
   wire->expect(hex("0002 0000 0006 01 03 000A 0001")).give(hex("0002 0000 0005 01 03 02 0032"));
   const CommandResult result = read("setpoint");
@@ -127,8 +126,7 @@ TEST_F(CommandOnTheBusTest, BusyDeviceIsReadOnceMore) {
   EXPECT_GE(result.wire, std::chrono::milliseconds(100)) << "it says itself that it has no time";
 }
 
-TEST_F(CommandOnTheBusTest, LongReadGoesInThePartsThatPollsHaveFound) {
-  use_modbus();
+TEST_F(ModbusOnTheBusTest, LongReadGoesInThePartsThatPollsHaveFound) {
   const TagConfig list = array_of(tag(*device.codec, "list", "hr:0"), 3);
   device.tags.push_back(list);
   limits.push_back({list.point.address.span.space, 32});
@@ -154,8 +152,7 @@ TEST_F(CommandOnTheBusTest, RefusalThatLeavesTheEffectOpenIsSettledByReadingBack
   }
 }
 
-TEST_F(CommandOnTheBusTest, RefusalThatLeavesTheEffectOpenIsUnknownWhereTheValueIsAnother) {
-  use_modbus();
+TEST_F(ModbusOnTheBusTest, RefusalThatLeavesTheEffectOpenIsUnknownWhereTheValueIsAnother) {
   wire->expect(hex("0001 0000 0006 01 06 000A 0032")).give(hex("0001 0000 0003 01 86 05"));
   wire->expect(hex("0002 0000 0006 01 03 000A 0001")).give(hex("0002 0000 0005 01 03 02 0000"));
   const CommandResult result = write("setpoint", number(50));
@@ -163,8 +160,7 @@ TEST_F(CommandOnTheBusTest, RefusalThatLeavesTheEffectOpenIsUnknownWhereTheValue
   EXPECT_NE(result.detail.find("exception 05"), std::string::npos) << result.detail;
 }
 
-TEST_F(CommandOnTheBusTest, GatewayWithoutAPathToTheUnitHasNotSentIt) {
-  use_modbus();
+TEST_F(ModbusOnTheBusTest, GatewayWithoutAPathToTheUnitHasNotSentIt) {
   wire->expect(hex("0001 0000 0006 01 06 000A 0032")).give(hex("0001 0000 0003 01 86 0A"));
   const CommandResult result = write("setpoint", number(50));
   EXPECT_EQ(result.status, CommandStatus::failed);
@@ -172,8 +168,7 @@ TEST_F(CommandOnTheBusTest, GatewayWithoutAPathToTheUnitHasNotSentIt) {
   EXPECT_FALSE(was_answered) << "the gateway answered, not the device";
 }
 
-TEST_F(CommandOnTheBusTest, HeaderOfNonsenseEndsTheConnectionAndTheReadBackOpensAnother) {
-  use_modbus();
+TEST_F(ModbusOnTheBusTest, HeaderOfNonsenseEndsTheConnectionAndTheReadBackOpensAnother) {
   wire->expect(hex("0001 0000 0006 01 06 000A 0032")).give(hex("0001 0000 0384 01"));
   wire->expect(hex("0002 0000 0006 01 03 000A 0001")).give(hex("0002 0000 0005 01 03 02 0032"));
   const CommandResult result = write("setpoint", number(50));
@@ -181,8 +176,7 @@ TEST_F(CommandOnTheBusTest, HeaderOfNonsenseEndsTheConnectionAndTheReadBackOpens
   EXPECT_EQ(wire->opened(), 2U);
 }
 
-TEST_F(CommandOnTheBusTest, LateAnswerOnTcpIsToldByItsNumber) {
-  use_modbus();
+TEST_F(ModbusOnTheBusTest, LateAnswerOnTcpIsToldByItsNumber) {
   wire->expect(hex("0001 0000 0006 01 06 000A 0032")).silence();
   wire->expect(hex("0002 0000 0006 01 03 000A 0001"))
       .give(hex("0001 0000 0006 01 06 000A 0032 0002 0000 0005 01 03 02 0000"));

@@ -25,9 +25,13 @@ TEST(DeviceState, StartsOfflineAndHasNothingToTellBeforeTheFirstAnswer) {
   EXPECT_FALSE(state.update(bus_is_open(), 1100));
 }
 
-TEST(DeviceState, AnsweredIsOnlineAndToldOnce) {
-  DeviceState state(0, *port_codec(), 1000);
-  state.answered();
+/// The state of a device that has just answered for the first time.
+struct DeviceStateAnswered : ::testing::Test {
+  DeviceStateAnswered() { state.answered(); }
+  DeviceState state{0, *port_codec(), 1000};
+};
+
+TEST_F(DeviceStateAnswered, AnsweredIsOnlineAndToldOnce) {
   const auto change = state.update(bus_is_open(), 1100).value();
   EXPECT_TRUE(change.other_state);
   EXPECT_EQ(change.status.state, State::online);
@@ -36,9 +40,7 @@ TEST(DeviceState, AnsweredIsOnlineAndToldOnce) {
   EXPECT_FALSE(state.update(bus_is_open(), 1200));
 }
 
-TEST(DeviceState, ValueThatComesAndGoesDoesNotFlap) {
-  DeviceState state(0, *port_codec(), 1000);
-  state.answered();
+TEST_F(DeviceStateAnswered, ValueThatComesAndGoesDoesNotFlap) {
   auto bad = bus_is_open();
   bad.first_bad = BadReason::bad_value;
   bad.bad_tag = "tag temp at D100";
@@ -57,9 +59,7 @@ TEST(DeviceState, ValueThatComesAndGoesDoesNotFlap) {
   EXPECT_EQ(good.status.reason_text, "");
 }
 
-TEST(DeviceState, TagsThatAreBadInTurnAreNamedEachTenSeconds) {
-  DeviceState state(0, *port_codec(), 1000);
-  state.answered();
+TEST_F(DeviceStateAnswered, TagsThatAreBadInTurnAreNamedEachTenSeconds) {
   DeviceState::Facts a{.bus_open = true, .first_bad = BadReason::nak, .bad_tag = "tag a"};
   DeviceState::Facts b = a;
   b.bad_tag = "tag b";
@@ -72,9 +72,7 @@ TEST(DeviceState, TagsThatAreBadInTurnAreNamedEachTenSeconds) {
   EXPECT_FALSE(later.other_state);
 }
 
-TEST(DeviceState, TextBelongsToTheReason) {
-  DeviceState state(0, *port_codec(), 1000);
-  state.answered();
+TEST_F(DeviceStateAnswered, TextBelongsToTheReason) {
   DeviceState::Facts facts = bus_is_open();
   facts.first_bad = BadReason::bad_value;
   facts.bad_tag = "tag a";
@@ -87,18 +85,14 @@ TEST(DeviceState, TextBelongsToTheReason) {
   EXPECT_EQ(held.status.reason_text, "tag a");
 }
 
-TEST(DeviceState, BadValueEndsThoughTheClockWasSetBack) {
-  DeviceState state(0, *port_codec(), 1000);
-  state.answered();
+TEST_F(DeviceStateAnswered, BadValueEndsThoughTheClockWasSetBack) {
   auto bad = bus_is_open();
   bad.first_bad = BadReason::bad_value;
   ASSERT_TRUE(state.update(bad, 3'600'000));
   EXPECT_EQ(state.update(bus_is_open(), 5000).value().status.state, State::online);
 }
 
-TEST(DeviceState, OtherReasonsEndWithTheirTag) {
-  DeviceState state(0, *port_codec(), 1000);
-  state.answered();
+TEST_F(DeviceStateAnswered, OtherReasonsEndWithTheirTag) {
   auto bad = bus_is_open();
   bad.first_bad = BadReason::nak;
   EXPECT_TRUE(state.update(bad, 2000));
@@ -209,9 +203,7 @@ TEST(DeviceState, PlcThatNamesNoModelIsNotAskedAgain) {
   EXPECT_FALSE(DeviceState(0, *codec_of("modbus-rtu"), 1000).compares_model());
 }
 
-TEST(DeviceState, RunStateIsNotToldOfAClosedBusAndIsBackAfterwards) {
-  DeviceState state(0, *port_codec(), 1000);
-  state.answered();
+TEST_F(DeviceStateAnswered, RunStateIsNotToldOfAClosedBusAndIsBackAfterwards) {
   state.set_run(false);
   EXPECT_EQ(state.update(bus_is_open(), 1100)->status.run, false);
   EXPECT_EQ(state.update({}, 1200)->status.run, std::nullopt);

@@ -72,15 +72,17 @@ struct LinkStateTest : ScriptedBusTest {
   std::unique_ptr<LinkState> link;
 };
 
-TEST_F(LinkStateTest, LinkThatIsAloneOpensAtOnce) {
-  use(SerialSettings{});
+struct LinkStateOnSerial : LinkStateTest {
+  LinkStateOnSerial() { use(SerialSettings{}); }
+};
+
+TEST_F(LinkStateOnSerial, LinkThatIsAloneOpensAtOnce) {
   const auto now = Clock::now();
   EXPECT_GE(link->begin(now, milliseconds(1000)), nanoseconds(0));
   EXPECT_LE(link->next_open() - now, milliseconds(20));
 }
 
-TEST_F(LinkStateTest, LossMakesEveryDeviceOfflineAndIsToldOnce) {
-  use(SerialSettings{});
+TEST_F(LinkStateOnSerial, LossMakesEveryDeviceOfflineAndIsToldOnce) {
   open();
   link->answered(*devices[0]);
   link->update(*devices[0]);
@@ -95,8 +97,7 @@ TEST_F(LinkStateTest, LossMakesEveryDeviceOfflineAndIsToldOnce) {
   EXPECT_TRUE(told().empty());
 }
 
-TEST_F(LinkStateTest, SerialLineThatWasLostIsOpenedAtOnceAndThenEachTimeLater) {
-  use(SerialSettings{});
+TEST_F(LinkStateOnSerial, SerialLineThatWasLostIsOpenedAtOnceAndThenEachTimeLater) {
   open();
   bus->close();
   link->check_bus();
@@ -114,8 +115,7 @@ TEST_F(LinkStateTest, SerialLineThatWasLostIsOpenedAtOnceAndThenEachTimeLater) {
   EXPECT_LE(next_open_in(), milliseconds(600)) << "it was open, so this failure is a first one";
 }
 
-TEST_F(LinkStateTest, GarbageIsToldOnceForEachDeviceAndCauseWithItsFirstBytes) {
-  use(SerialSettings{});
+TEST_F(LinkStateOnSerial, GarbageIsToldOnceForEachDeviceAndCauseWithItsFirstBytes) {
   const auto told_of = [&](const Bytes& heard) {
     Exchange exchange;
     exchange.outcome = Exchange::Outcome::garbled;
@@ -141,8 +141,7 @@ TEST_F(LinkStateTest, GarbageIsToldOnceForEachDeviceAndCauseWithItsFirstBytes) {
   EXPECT_NE(told_of(parity), "") << "a day later it is news again";
 }
 
-TEST_F(LinkStateTest, GarbageIsLookedAtOnceInAWhile) {
-  use(SerialSettings{});
+TEST_F(LinkStateOnSerial, GarbageIsLookedAtOnceInAWhile) {
   Exchange exchange;
   exchange.heard = {0x82, 0x33, 0xB4, 0xB1};
   testing::internal::CaptureStderr();
@@ -153,8 +152,7 @@ TEST_F(LinkStateTest, GarbageIsLookedAtOnceInAWhile) {
   EXPECT_EQ(std::ranges::count(log, '\n'), 1) << log;
 }
 
-TEST_F(LinkStateTest, LinkThatComesAndGoesIsReadAtOnceNoMoreThanEveryTenSeconds) {
-  use(SerialSettings{});
+TEST_F(LinkStateOnSerial, LinkThatComesAndGoesIsReadAtOnceNoMoreThanEveryTenSeconds) {
   const auto begin = Clock::now();
   scheduler.add_group(devices[0]->id, std::chrono::minutes(10), 1, begin + std::chrono::hours(1));
   open();
@@ -216,8 +214,7 @@ TEST_F(LinkStateTest, WhereNobodyAnswersTheStateIsToldOnce) {
   EXPECT_EQ(told().at(0).state, State::online);
 }
 
-TEST_F(LinkStateTest, ModelIsAskedAgainAfterALoss) {
-  use(SerialSettings{});
+TEST_F(LinkStateOnSerial, ModelIsAskedAgainAfterALoss) {
   config.devices[0].codec = port_codec(fx::Model::unknown);
   devices[0] = std::make_unique<LinkDevice>(config.devices.shared(0), 0);
   devices[0]->id = 0;
@@ -374,8 +371,7 @@ TEST_F(LinkStateTest, UdpPortWhereNobodyListensIsTriedEverMoreSeldomAndToldOnce)
   EXPECT_EQ(log.find("another program"), std::string::npos) << "UDP has no connections: " << log;
 }
 
-TEST_F(LinkStateTest, SerialLineIsNotClosedBySilence) {
-  use(SerialSettings{});
+TEST_F(LinkStateOnSerial, SerialLineIsNotClosedBySilence) {
   open();
   for (int i = 0; i < 10; ++i) link->unanswered(*devices[0]);
   EXPECT_TRUE(bus->is_open());
@@ -395,8 +391,7 @@ TEST_F(LinkStateTest, GatewayThatAnswersInPlaceOfItsUnitIsThere) {
       << status.reason_text;
 }
 
-TEST_F(LinkStateTest, StateIsToldOnlyWhereItIsAnotherOne) {
-  use(SerialSettings{});
+TEST_F(LinkStateOnSerial, StateIsToldOnlyWhereItIsAnotherOne) {
   open();
   link->update(*devices[0]);
   EXPECT_TRUE(told().empty()) << "nothing is known before the first answer";

@@ -381,8 +381,11 @@ TEST_F(LinkWorkerTest, SilentDeviceDoesNotStarveItsNeighbour) {
   for (const Telemetry& message : of_device(1)) EXPECT_FALSE(message.readings[0].bad);
 }
 
-TEST_F(LinkWorkerTest, CommandToASilentDeviceGoesOutAndFailsAtItsEnquiry) {
-  add_setpoint();
+struct LinkWorkerWithSetpoint : LinkWorkerTest {
+  LinkWorkerWithSetpoint() { add_setpoint(); }
+};
+
+TEST_F(LinkWorkerWithSetpoint, CommandToASilentDeviceGoesOutAndFailsAtItsEnquiry) {
   plc.silent = true;
   start();
   wait_for_state(State::offline, "timeout");
@@ -391,8 +394,7 @@ TEST_F(LinkWorkerTest, CommandToASilentDeviceGoesOutAndFailsAtItsEnquiry) {
   EXPECT_EQ(ending(result), "FAILED device_offline");
 }
 
-TEST_F(LinkWorkerTest, AnsweredCommandEndsTheBackOff) {
-  add_setpoint();
+TEST_F(LinkWorkerWithSetpoint, AnsweredCommandEndsTheBackOff) {
   plc.silent = true;
   start();
   wait_for_state(State::offline, "timeout");
@@ -563,8 +565,7 @@ TEST_F(LinkWorkerTest, BugInAPollDoesNotEndTheLink) {
   EXPECT_EQ(telemetry[0].readings[0].value, number(0)) << "the link began anew";
 }
 
-TEST_F(LinkWorkerTest, BugUnderACommandAnswersItAndTheNextOnes) {
-  add_setpoint();
+TEST_F(LinkWorkerWithSetpoint, BugUnderACommandAnswersItAndTheNextOnes) {
   config.devices[0].groups[0].interval = std::chrono::hours(1);
   script().expect(kEnq).give(kAck);
   wire->expect(kWrite50).call([] { throw std::logic_error("a bug"); });
@@ -709,8 +710,7 @@ class HangingMarks final : public CommandStarts {
   bool is_asked = false;
 };
 
-TEST_F(LinkWorkerTest, DiskThatHangsUnderAMarkHoldsUpNoOtherLink) {
-  add_setpoint();
+TEST_F(LinkWorkerWithSetpoint, DiskThatHangsUnderAMarkHoldsUpNoOtherLink) {
   config.links.push_back({"line2", SerialSettings{}, nanoseconds(0)});
   config.devices.push_back(press("press2"));
   config.devices[1].link = 1;
@@ -738,8 +738,7 @@ TEST_F(LinkWorkerTest, DiskThatHangsUnderAMarkHoldsUpNoOtherLink) {
   run_until(io, [&] { return neighbour_ended; });
 }
 
-TEST_F(LinkWorkerTest, WrittenValueIsPublishedAtOnce) {
-  add_setpoint();
+TEST_F(LinkWorkerWithSetpoint, WrittenValueIsPublishedAtOnce) {
   config.devices[0].groups[0].interval = std::chrono::hours(1);
   config.devices[0].groups[0].on_change = true;
   start(Polling::on);
@@ -762,8 +761,7 @@ TEST_F(LinkWorkerTest, WrittenValueIsPublishedAtOnce) {
   EXPECT_LT(partial[0].seq, partial[1].seq) << "it counts as a sample";
 }
 
-TEST_F(LinkWorkerTest, RefusedWriteAndRawAddressPublishNothing) {
-  add_setpoint();
+TEST_F(LinkWorkerWithSetpoint, RefusedWriteAndRawAddressPublishNothing) {
   config.devices[0].commands.allow.push_back(
       *config.devices[0].codec->addresses().parse_range("D300"));
   bool refuses = true;
@@ -932,8 +930,7 @@ TEST_F(LinkWorkerStaleTest, LastValueOfABadTagIsNotOlderThanAWrite) {
   }
 }
 
-TEST_F(LinkWorkerTest, ResultCarriesTheFramesOfItsCommandAndTheMemoryOfIdsDoesNot) {
-  add_setpoint();
+TEST_F(LinkWorkerWithSetpoint, ResultCarriesTheFramesOfItsCommandAndTheMemoryOfIdsDoesNot) {
   start();
   wait([&] { return !telemetry.empty(); });
   Command command = write_setpoint("b7e1");
@@ -954,8 +951,7 @@ TEST_F(LinkWorkerTest, ResultCarriesTheFramesOfItsCommandAndTheMemoryOfIdsDoesNo
   stop();
 }
 
-TEST_F(LinkWorkerTest, InterruptedCommandOfAnEarlierRunIsReadAndNotSent) {
-  add_setpoint();
+TEST_F(LinkWorkerWithSetpoint, InterruptedCommandOfAnEarlierRunIsReadAndNotSent) {
   interrupted = {write_setpoint("left")};
   interrupted[0].number = 3;
   start();
@@ -967,8 +963,7 @@ TEST_F(LinkWorkerTest, InterruptedCommandOfAnEarlierRunIsReadAndNotSent) {
   stop();
 }
 
-TEST_F(LinkWorkerTest, InterruptedCommandThatStillWaitsAtTheEndIsUnknownAndNotRejected) {
-  add_setpoint();
+TEST_F(LinkWorkerWithSetpoint, InterruptedCommandThatStillWaitsAtTheEndIsUnknownAndNotRejected) {
   interrupted = {write_setpoint("left")};
   start();
   stop();
@@ -989,8 +984,7 @@ TEST_F(LinkWorkerTest, ReadAfterTheWriteIsTheNewest) {
   EXPECT_EQ(telemetry[1].readings.at(1).value, number(45));
 }
 
-TEST_F(LinkWorkerTest, SameIdIsCarriedOutOnce) {
-  add_setpoint();
+TEST_F(LinkWorkerWithSetpoint, SameIdIsCarriedOutOnce) {
   start();
   submit(write_setpoint("b7e1"));
   submit(write_setpoint("b7e1"));
@@ -1080,8 +1074,7 @@ TEST_F(LinkWorkerTest, BoundCountsTheCommandThatIsOnTheWire) {
             (write_frame(kD200, word(77)).size() + kAck.size()) * character + milliseconds(30));
 }
 
-TEST_F(LinkWorkerTest, BoundHasRoomForWhatTheLinkLeavesToPolls) {
-  add_setpoint();
+TEST_F(LinkWorkerWithSetpoint, BoundHasRoomForWhatTheLinkLeavesToPolls) {
   config.links[0].char_time = nanoseconds(1000);
   const auto of_one_ahead = [&](double share) {
     config.links[0].poll_share = share;
@@ -1131,8 +1124,7 @@ TEST_F(LinkWorkerTest, BoundCountsTheQuestionsAboutTheModelBeforeARead) {
   EXPECT_GE(first - later, 2 * (19 * milliseconds(8) + milliseconds(30)));
 }
 
-TEST_F(LinkWorkerTest, WithoutPollingNoGroupIsRead) {
-  add_setpoint();
+TEST_F(LinkWorkerWithSetpoint, WithoutPollingNoGroupIsRead) {
   start(Polling::off);
   submit(write_setpoint("b7e1"));
   EXPECT_EQ(wait_for_result("b7e1").status, CommandStatus::succeeded);
@@ -1165,8 +1157,7 @@ TEST_F(LinkWorkerTest, StopEndsAWaitForTheNextPoll) {
   EXPECT_EQ(wire->written().size(), requests) << "a stop begins no poll";
 }
 
-TEST_F(LinkWorkerTest, StopFinishesTheCommandOnTheWireAndAnswersTheWaitingOnes) {
-  add_setpoint();
+TEST_F(LinkWorkerWithSetpoint, StopFinishesTheCommandOnTheWireAndAnswersTheWaitingOnes) {
   script().expect(kEnq).give(kAck).expect(kReadD100).call([&] {
     for (int i = 0; i < 4; ++i) submit(write_setpoint("c" + std::to_string(i)));
   });
@@ -1244,8 +1235,7 @@ TEST_F(LinkWorkerTest, StopEndsAListBetweenTwoTargets) {
   EXPECT_EQ(plc.word_at(kD200 + 6), 0U);
 }
 
-TEST_F(LinkWorkerTest, CommandOnASilentDeviceDoesNotHoldTheStop) {
-  add_setpoint();
+TEST_F(LinkWorkerWithSetpoint, CommandOnASilentDeviceDoesNotHoldTheStop) {
   config.devices[0].timeout = std::chrono::minutes(10);
   script().expect(kEnq).give(kAck).expect(kReadD100).call([&] { submit(write_setpoint("a")); });
   wire->give(word_frame(7)).expect(kWrite50).call([&] { worker->stop(); });
@@ -1257,8 +1247,7 @@ TEST_F(LinkWorkerTest, CommandOnASilentDeviceDoesNotHoldTheStop) {
   EXPECT_EQ(ending_of("a"), "UNKNOWN_OUTCOME shutting_down");
 }
 
-TEST_F(LinkWorkerTest, GapBeforeARequestDoesNotHoldTheStop) {
-  add_setpoint();
+TEST_F(LinkWorkerWithSetpoint, GapBeforeARequestDoesNotHoldTheStop) {
   config.devices[0].gap = std::chrono::minutes(1);
   script().expect(kEnq).call([&] { submit(write_setpoint("a")); });
   wire->call([&] { asio::post(io, [&] { worker->stop(); }); }).give(kAck);
@@ -1435,8 +1424,7 @@ TEST_F(LinkWorkerTest, PortThatWasYieldedIsTakenBackWhenItsTimeIsOver) {
 }
 
 // The scheduler still counted the command, and offered it from an empty queue.
-TEST_F(LinkWorkerTest, CommandThatWaitedWhenThePortWasYieldedIsForgotten) {
-  add_setpoint();
+TEST_F(LinkWorkerWithSetpoint, CommandThatWaitedWhenThePortWasYieldedIsForgotten) {
   start();
   wait_for_state(State::online, "");
   submit(write_setpoint("waits"));

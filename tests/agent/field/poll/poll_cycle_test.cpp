@@ -57,8 +57,11 @@ struct PollCycleTest : ::testing::Test {
   }
 };
 
-TEST_F(PollCycleTest, SampleHasTheValuesTheSpanAndTheTimeOfTheLastReply) {
+struct PollCycleBegun : PollCycleTest {
   PollCycle cycle = begun();
+};
+
+TEST_F(PollCycleBegun, SampleHasTheValuesTheSpanAndTheTimeOfTheLastReply) {
   ASSERT_EQ(cycle.reads().plan().reads.size(), 3U);
   for (std::uint32_t read = 0; read < 3; ++read) cycle.take(read, data(word(7 + read)));
   const Telemetry message = finished(cycle);
@@ -96,8 +99,7 @@ TEST_F(PollCycleTest, WhatWasRefusedIsReadInPartsInTheSameCycle) {
   EXPECT_EQ(message.readings[2].value, number(9));
 }
 
-TEST_F(PollCycleTest, WhatIsLeftOutInPartsIsRefused) {
-  PollCycle cycle = begun();
+TEST_F(PollCycleBegun, WhatIsLeftOutInPartsIsRefused) {
   cycle.take(1, nak());
   Holes holes;
   holes.missing = {*span_of(device.tags[1].point)};
@@ -111,8 +113,7 @@ TEST_F(PollCycleTest, WhatIsLeftOutInPartsIsRefused) {
   EXPECT_EQ(message.readings[2].value, number(9));
 }
 
-TEST_F(PollCycleTest, WhatWasReadAlreadyIsNotReadAgainInParts) {
-  PollCycle cycle = begun();
+TEST_F(PollCycleBegun, WhatWasReadAlreadyIsNotReadAgainInParts) {
   cycle.take(0, data(word(7)));
   cycle.take(1, nak());
   cycle.reads().read_instead(
@@ -128,8 +129,7 @@ TEST_F(PollCycleTest, WhatWasReadAlreadyIsNotReadAgainInParts) {
     EXPECT_EQ(message.readings[i].value, number(i == 0 ? 7 : i == 1 ? 8 : 9));
 }
 
-TEST_F(PollCycleTest, FailedReadTakesOnlyItsOwnTagsAlong) {
-  PollCycle cycle = begun();
+TEST_F(PollCycleBegun, FailedReadTakesOnlyItsOwnTagsAlong) {
   cycle.take(0, data(word(7)));
   cycle.take(1, nak());
   cycle.take(2, failed(Exchange::Outcome::garbled));
@@ -140,8 +140,7 @@ TEST_F(PollCycleTest, FailedReadTakesOnlyItsOwnTagsAlong) {
   EXPECT_EQ(cycle.first_bad()->why, BadReason::nak);
 }
 
-TEST_F(PollCycleTest, GivenUpCycleKeepsWhatWasRead) {
-  PollCycle cycle = begun();
+TEST_F(PollCycleBegun, GivenUpCycleKeepsWhatWasRead) {
   cycle.take(0, data(word(7)));
   cycle.reads().give_up(BadReason::timeout);
   const Telemetry message = finished(cycle);
@@ -152,16 +151,14 @@ TEST_F(PollCycleTest, GivenUpCycleKeepsWhatWasRead) {
   EXPECT_FALSE(message.span_ms) << "one reply has no span";
 }
 
-TEST_F(PollCycleTest, CycleWithoutAnyReplyHasTheTimeOfItsEnd) {
-  PollCycle cycle = begun();
+TEST_F(PollCycleBegun, CycleWithoutAnyReplyHasTheTimeOfItsEnd) {
   cycle.reads().give_up(BadReason::link_down);
   const Telemetry message = finished(cycle);
   EXPECT_EQ(message.ts_ms, 9000);
   for (const TagReading& reading : message.readings) EXPECT_EQ(reading.bad, BadReason::link_down);
 }
 
-TEST_F(PollCycleTest, ReadIsRepeatedAsOftenAsTheConfigAllowsAndTheNextOneAnew) {
-  PollCycle cycle = begun();
+TEST_F(PollCycleBegun, ReadIsRepeatedAsOftenAsTheConfigAllowsAndTheNextOneAnew) {
   EXPECT_TRUE(cycle.may_repeat());
   EXPECT_TRUE(cycle.may_repeat());
   EXPECT_FALSE(cycle.may_repeat());
@@ -169,8 +166,7 @@ TEST_F(PollCycleTest, ReadIsRepeatedAsOftenAsTheConfigAllowsAndTheNextOneAnew) {
   EXPECT_TRUE(cycle.may_repeat());
 }
 
-TEST_F(PollCycleTest, WrittenValueIsASampleAndNewerThanWhatTheCycleHasRead) {
-  PollCycle cycle = begun();
+TEST_F(PollCycleBegun, WrittenValueIsASampleAndNewerThanWhatTheCycleHasRead) {
   cycle.take(0, data(word(7)));
   const Telemetry at_once = cycle.written(0, number(50), 1015);
   EXPECT_TRUE(at_once.partial);
@@ -182,15 +178,13 @@ TEST_F(PollCycleTest, WrittenValueIsASampleAndNewerThanWhatTheCycleHasRead) {
   EXPECT_EQ(finished(cycle).readings[0].value, number(50));
 }
 
-TEST_F(PollCycleTest, WrittenValueIsOlderThanAReadThatComesAfterIt) {
-  PollCycle cycle = begun();
+TEST_F(PollCycleBegun, WrittenValueIsOlderThanAReadThatComesAfterIt) {
   cycle.written(1, number(50), 1000);
   for (std::uint32_t read = 0; read < 3; ++read) cycle.take(read, data(word(7)));
   EXPECT_EQ(finished(cycle).readings[1].value, number(7));
 }
 
-TEST_F(PollCycleTest, WrittenValueStandsWhereTheRestOfTheCycleIsGivenUp) {
-  PollCycle cycle = begun();
+TEST_F(PollCycleBegun, WrittenValueStandsWhereTheRestOfTheCycleIsGivenUp) {
   cycle.written(1, number(50), 1000);
   cycle.reads().give_up(BadReason::timeout);
   const Telemetry message = finished(cycle);
@@ -209,8 +203,7 @@ TEST_F(PollCycleTest, ArrayThatIsCutKeepsTheWholeThatWasWrittenBetweenItsReads) 
   EXPECT_EQ(finished(cycle).readings[0].value, numbers({50, 51}));
 }
 
-TEST_F(PollCycleTest, PlaceThatMayHaveBeenWrittenIsBadUntilItIsReadAgain) {
-  PollCycle cycle = begun();
+TEST_F(PollCycleBegun, PlaceThatMayHaveBeenWrittenIsBadUntilItIsReadAgain) {
   cycle.take(0, data(word(7)));
   cycle.overwritten(*span_of(device.tags[0].point), nullptr, BadReason::timeout);
   EXPECT_EQ(cycle.reads().outdated(), 0U);
@@ -239,8 +232,7 @@ TEST_F(PollCycleTest, ReadThatIsNotRepeatedInTimeTakesOnlyTheWrittenTagAlong) {
   EXPECT_EQ(message.readings[2].bad, BadReason::link_down);
 }
 
-TEST_F(PollCycleTest, FloodOfLostWritesDoesNotKeepACycleFromItsEnd) {
-  PollCycle cycle = begun();
+TEST_F(PollCycleBegun, FloodOfLostWritesDoesNotKeepACycleFromItsEnd) {
   cycle.take(0, data(word(7)));
   cycle.overwritten(*span_of(device.tags[0].point), nullptr, BadReason::timeout);
   cycle.take(0, data(word(8)));
@@ -253,8 +245,7 @@ TEST_F(PollCycleTest, FloodOfLostWritesDoesNotKeepACycleFromItsEnd) {
   EXPECT_FALSE(message.readings[1].bad);
 }
 
-TEST_F(PollCycleTest, TwoLostWritesInARowStillLeaveOneReadToItsTurn) {
-  PollCycle cycle = begun();
+TEST_F(PollCycleBegun, TwoLostWritesInARowStillLeaveOneReadToItsTurn) {
   cycle.take(0, data(word(7)));
   cycle.overwritten(*span_of(device.tags[0].point), nullptr, BadReason::timeout);
   cycle.overwritten(*span_of(device.tags[0].point), nullptr, BadReason::timeout);
@@ -267,8 +258,7 @@ TEST_F(PollCycleTest, TwoLostWritesInARowStillLeaveOneReadToItsTurn) {
   EXPECT_EQ(message.readings[0].value, number(8));
 }
 
-TEST_F(PollCycleTest, ReadAgainThatFailsIsNotRepeatedForEver) {
-  PollCycle cycle = begun();
+TEST_F(PollCycleBegun, ReadAgainThatFailsIsNotRepeatedForEver) {
   cycle.take(0, data(word(7)));
   cycle.overwritten(*span_of(device.tags[0].point), nullptr, BadReason::timeout);
   cycle.take(0, nak());
@@ -318,8 +308,7 @@ TEST_F(PollCycleTest, NewCycleKnowsNothingOfTheOneBefore) {
   }
 }
 
-TEST_F(PollCycleTest, WhatWasSaidIsNotSaidAgain) {
-  PollCycle cycle = begun();
+TEST_F(PollCycleBegun, WhatWasSaidIsNotSaidAgain) {
   for (std::uint32_t read = 0; read < 3; ++read) cycle.take(read, data(word(7)));
   finished(cycle);
   EXPECT_FALSE(cycle.reads().has_images(std::vector{0U}));

@@ -25,9 +25,12 @@ std::optional<PollScheduler::GroupId> poll(PollScheduler& scheduler, SteadyTime 
   return job.poll.group;
 }
 
-/// A scheduler with one device.
-struct PollSchedulerTest : ::testing::Test {
+struct PollSchedulerAlone : ::testing::Test {
   PollScheduler scheduler;
+};
+
+/// A scheduler with one device.
+struct PollSchedulerTest : PollSchedulerAlone {
   const PollScheduler::DeviceId device = scheduler.add_device(3, kBackOff);
 };
 
@@ -39,8 +42,7 @@ TEST_F(PollSchedulerTest, CommandGoesBeforeADuePoll) {
   EXPECT_EQ(scheduler.next(at(50)).kind, Kind::poll);
 }
 
-TEST(PollScheduler, NothingToDoIsAWaitWithoutEnd) {
-  PollScheduler scheduler;
+TEST_F(PollSchedulerAlone, NothingToDoIsAWaitWithoutEnd) {
   const auto job = scheduler.next(at(0));
   EXPECT_EQ(job.kind, Kind::wait);
   EXPECT_EQ(job.until, SteadyTime::max());
@@ -190,8 +192,7 @@ TEST_F(PollSchedulerTest, StepThatIsNotDoneIsOfferedAgain) {
   EXPECT_EQ(scheduler.next(at(0)).poll.exchange, 1U);
 }
 
-TEST(PollScheduler, PostponedStepWaitsAndLetsOthersGo) {
-  PollScheduler scheduler;
+TEST_F(PollSchedulerAlone, PostponedStepWaitsAndLetsOthersGo) {
   const auto busy = scheduler.add_device(3, kBackOff);
   const auto group = scheduler.add_group(busy, milliseconds(100), 2, at(0));
   const auto other =
@@ -271,8 +272,7 @@ TEST_F(PollSchedulerTest, GroupWithoutExchangesIsOneStep) {
   EXPECT_TRUE(scheduler.step_done(job.poll));
 }
 
-TEST(PollScheduler, BackOffDoublesToItsCapAndAnAnswerEndsIt) {
-  PollScheduler scheduler;
+TEST_F(PollSchedulerAlone, BackOffDoublesToItsCapAndAnAnswerEndsIt) {
   const auto device = scheduler.add_device(2, kBackOff);
   scheduler.add_group(device, milliseconds(100), 1, at(0));
   EXPECT_FALSE(scheduler.device(device).unanswered(at(0)));
@@ -293,8 +293,7 @@ TEST(PollScheduler, BackOffDoublesToItsCapAndAnAnswerEndsIt) {
   EXPECT_EQ(scheduler.next(at(999)).kind, Kind::wait) << "the back-off begins anew";
 }
 
-TEST(PollScheduler, CommandsWithoutAnAnswerDoNotPutOffTheNextPoll) {
-  PollScheduler scheduler;
+TEST_F(PollSchedulerAlone, CommandsWithoutAnAnswerDoNotPutOffTheNextPoll) {
   const auto device = scheduler.add_device(1, kBackOff);
   scheduler.add_group(device, milliseconds(100), 1, at(0));
   constexpr auto kCommand = PolledDevice::AskedBy::command;
@@ -308,8 +307,7 @@ TEST(PollScheduler, CommandsWithoutAnAnswerDoNotPutOffTheNextPoll) {
   }
 }
 
-TEST(PollScheduler, AnswerBetweenTwoSilencesStartsTheCountAnew) {
-  PollScheduler scheduler;
+TEST_F(PollSchedulerAlone, AnswerBetweenTwoSilencesStartsTheCountAnew) {
   const auto device = scheduler.add_device(2, kBackOff);
   for (int i = 0; i < 5; ++i) {
     EXPECT_FALSE(scheduler.device(device).unanswered(at(i)));
@@ -317,8 +315,7 @@ TEST(PollScheduler, AnswerBetweenTwoSilencesStartsTheCountAnew) {
   }
 }
 
-TEST(PollScheduler, SilentDeviceDoesNotStarveItsNeighbour) {
-  PollScheduler scheduler;
+TEST_F(PollSchedulerAlone, SilentDeviceDoesNotStarveItsNeighbour) {
   const auto silent = scheduler.add_device(1, kBackOff);
   const auto healthy = scheduler.add_device(1, kBackOff);
   const auto dead_group = scheduler.add_group(silent, milliseconds(100), 1, at(0));
@@ -347,8 +344,7 @@ TEST(PollScheduler, SilentDeviceDoesNotStarveItsNeighbour) {
   EXPECT_GE(scheduler.device(healthy).counters().polls, 200U - 6U * 7U);
 }
 
-TEST(PollScheduler, CommandsToASilentDeviceAreOffered) {
-  PollScheduler scheduler;
+TEST_F(PollSchedulerAlone, CommandsToASilentDeviceAreOffered) {
   const auto device = scheduler.add_device(1, kBackOff);
   scheduler.device(device).unanswered(at(0));
   scheduler.share().command_waits();
@@ -512,8 +508,7 @@ TEST_F(PollSchedulerTest, GroupIsBackOnTheGridWhenAnOverloadIsOver) {
   EXPECT_EQ(scheduler.group(group).next_due().time_since_epoch() % grid, nanoseconds(0));
 }
 
-TEST(PollScheduler, SilentDeviceIsNoLoad) {
-  PollScheduler scheduler;
+TEST_F(PollSchedulerAlone, SilentDeviceIsNoLoad) {
   const auto device = scheduler.add_device(1, kBackOff);
   scheduler.add_group(device, milliseconds(100), 1, at(0));
   const auto job = scheduler.next(at(0));
@@ -577,8 +572,7 @@ TEST(PollScheduler, WhatIsOwedToPollsIsPartOfTheBound) {
             milliseconds(2500));
 }
 
-TEST(PollScheduler, DeviceThatIsRemovedIsPolledNoMoreAndItsPlacesServeAnother) {
-  PollScheduler scheduler;
+TEST_F(PollSchedulerAlone, DeviceThatIsRemovedIsPolledNoMoreAndItsPlacesServeAnother) {
   const auto stays = scheduler.add_device(3, kBackOff);
   const auto goes = scheduler.add_device(3, kBackOff);
   const auto kept = scheduler.add_group(stays, milliseconds(100), 1, at(0));
@@ -602,8 +596,7 @@ TEST(PollScheduler, DeviceThatIsRemovedIsPolledNoMoreAndItsPlacesServeAnother) {
   EXPECT_EQ(scheduler.device(stays).counters().missed, 0U);
 }
 
-TEST(PollScheduler, TimeThatIsForgottenIsNotMissed) {
-  PollScheduler scheduler;
+TEST_F(PollSchedulerAlone, TimeThatIsForgottenIsNotMissed) {
   const auto device = scheduler.add_device(3, {});
   const auto group = scheduler.add_group(device, milliseconds(100), 2, at(0));
   PollScheduler::Job job = scheduler.next(at(0));
@@ -619,8 +612,7 @@ TEST(PollScheduler, TimeThatIsForgottenIsNotMissed) {
   EXPECT_EQ(scheduler.device(device).counters().missed, 0U);
 }
 
-TEST(PollScheduler, ReachedIntervalIsMeasured) {
-  PollScheduler scheduler;
+TEST_F(PollSchedulerAlone, ReachedIntervalIsMeasured) {
   const auto device = scheduler.add_device(3, {});
   const auto group = scheduler.add_group(device, milliseconds(100), 1, at(0));
   for (const int ms : {0, 100, 200}) {

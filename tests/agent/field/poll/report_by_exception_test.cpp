@@ -99,9 +99,12 @@ TEST_F(ReportByExceptionTest, PublishAndMaxSilentMayChangeBetweenTwoCycles) {
   EXPECT_TRUE(report.cycle(good(23.4), 8, after(seconds(21))));
 }
 
-TEST(ReportByException, OnChangeSaysTheFirstCycleAndThenOnlyChanges) {
+struct ReportByExceptionOnChange : ::testing::Test {
   const DeviceConfig device = press_on_change();
-  ReportByException report(device, 0);
+  ReportByException report{device, 0};
+};
+
+TEST_F(ReportByExceptionOnChange, OnChangeSaysTheFirstCycleAndThenOnlyChanges) {
   EXPECT_TRUE(report.cycle(good(23.4), 1, kStart));
   EXPECT_FALSE(report.cycle(good(23.4), 2, kStart));
   EXPECT_TRUE(report.cycle(good(23.5), 3, kStart));
@@ -110,18 +113,14 @@ TEST(ReportByException, OnChangeSaysTheFirstCycleAndThenOnlyChanges) {
   EXPECT_EQ(changed.size(), 3U) << "the whole group is sent";
 }
 
-TEST(ReportByException, OnChangeSpeaksAfterMaxSilent) {
-  const DeviceConfig device = press_on_change();
-  ReportByException report(device, 0);
+TEST_F(ReportByExceptionOnChange, OnChangeSpeaksAfterMaxSilent) {
   EXPECT_TRUE(report.cycle(good(23.4), 1, after(seconds(0))));
   EXPECT_FALSE(report.cycle(good(23.4), 2, after(seconds(59))));
   EXPECT_TRUE(report.cycle(good(23.4), 3, after(seconds(60))));
   EXPECT_FALSE(report.cycle(good(23.4), 4, after(seconds(119))));
 }
 
-TEST(ReportByException, OnChangeSpeaksAtTheCycleBeforeMaxSilentWouldBeExceeded) {
-  const DeviceConfig device = press_on_change();
-  ReportByException report(device, 0);
+TEST_F(ReportByExceptionOnChange, OnChangeSpeaksAtTheCycleBeforeMaxSilentWouldBeExceeded) {
   const auto cycle = [&](int at) {
     return report.cycle(good(23.4), at, after(seconds(at)), after(seconds(at + 25))).has_value();
   };
@@ -132,17 +131,13 @@ TEST(ReportByException, OnChangeSpeaksAtTheCycleBeforeMaxSilentWouldBeExceeded) 
   EXPECT_TRUE(cycle(100));
 }
 
-TEST(ReportByException, OnChangeSpeaksACycleEarlyWhereALateOneWouldBeTooLate) {
-  const DeviceConfig device = press_on_change();
-  ReportByException report(device, 0);
+TEST_F(ReportByExceptionOnChange, OnChangeSpeaksACycleEarlyWhereALateOneWouldBeTooLate) {
   EXPECT_TRUE(report.cycle(good(23.4), 1, after(seconds(0)), after(seconds(20))));
   EXPECT_FALSE(report.cycle(good(23.4), 2, after(seconds(20)), after(seconds(40))));
   EXPECT_TRUE(report.cycle(good(23.4), 3, after(seconds(40)), after(seconds(60))));
 }
 
-TEST(ReportByException, SilentDeviceSpeaksNoSoonerThanMaxSilent) {
-  const DeviceConfig device = press_on_change();
-  ReportByException report(device, 0);
+TEST_F(ReportByExceptionOnChange, SilentDeviceSpeaksNoSoonerThanMaxSilent) {
   EXPECT_TRUE(report.cycle(all(BadReason::timeout), 1, after(seconds(0)), after(seconds(40))));
   EXPECT_FALSE(report.cycle(all(BadReason::timeout), 2, after(seconds(40)), after(seconds(80))));
   EXPECT_TRUE(report.cycle(all(BadReason::timeout), 3, after(seconds(80)), after(seconds(120))));
@@ -301,9 +296,7 @@ TEST(ReportByException, WrittenValueIsGoodAtOnceAndWhatOnChangeComparesWith) {
   EXPECT_TRUE(report.cycle(good(50.5), 4000, kStart));
 }
 
-TEST(ReportByException, WriteBeforeTheFirstCycleDoesNotReplaceIt) {
-  const DeviceConfig device = press_on_change();
-  ReportByException report(device, 0);
+TEST_F(ReportByExceptionOnChange, WriteBeforeTheFirstCycleDoesNotReplaceIt) {
   report.written(0, real(50.0), 1000);
   EXPECT_TRUE(report.cycle(good(50.0), 2000, kStart));
 }

@@ -72,9 +72,12 @@ struct SerialTransportTest : TransportTest {
   }
 };
 
-TEST_F(SerialTransportTest, BytesGoBothWaysUnchanged) {
+struct SerialTransportOpened : SerialTransportTest {
   const Pty pty;
-  const auto transport = opened(pty);
+  const std::unique_ptr<Transport> transport = opened(pty);
+};
+
+TEST_F(SerialTransportOpened, BytesGoBothWaysUnchanged) {
   EXPECT_TRUE(transport->is_open());
   // Bytes that a terminal would swallow or change: ETX, CR, LF, XON, XOFF, EOT, and all 7 bits set.
   const std::string all = "\x02\x03\x04\x05\x06\x11\x13\x15\r\n\x1a\x7f";
@@ -133,9 +136,7 @@ TEST_F(SerialTransportTest, TwoOfOurOwnExcludeEachOther) {
   EXPECT_TRUE(open(*second));
 }
 
-TEST_F(SerialTransportTest, ReadEndsAtItsDeadline) {
-  const Pty pty;
-  const auto transport = opened(pty);
+TEST_F(SerialTransportOpened, ReadEndsAtItsDeadline) {
   EXPECT_EQ(read(*transport, milliseconds(10)), "timeout");
   EXPECT_EQ(read(*transport, milliseconds(0)), "timeout");
   EXPECT_TRUE(transport->is_open());
@@ -188,9 +189,7 @@ TEST_F(SerialTransportTest, LineThatTakesNoMoreBytesEndsTheWrite) {
   EXPECT_LT(written.sent, flood.size());
 }
 
-TEST_F(SerialTransportTest, DiscardThrowsAwayWhatHasArrived) {
-  const Pty pty;
-  const auto transport = opened(pty);
+TEST_F(SerialTransportOpened, DiscardThrowsAwayWhatHasArrived) {
   EXPECT_EQ(transport->discard_input().value_or(Bytes(99)).size(), 0U);
   pty.say("stale reply");
   std::size_t thrown_away = 0;
@@ -202,17 +201,13 @@ TEST_F(SerialTransportTest, DiscardThrowsAwayWhatHasArrived) {
   EXPECT_EQ(read(*transport), "new");
 }
 
-TEST_F(SerialTransportTest, ClosingEndsAWaitingRead) {
-  const Pty pty;
-  const auto transport = opened(pty);
+TEST_F(SerialTransportOpened, ClosingEndsAWaitingRead) {
   asio::post(io, [&] { asio::post(io, [&] { transport->close(); }); });
   EXPECT_EQ(read(*transport, std::chrono::hours(1)), "link_down");
   EXPECT_FALSE(transport->is_open());
 }
 
-TEST_F(SerialTransportTest, NothingKeepsTheThreadAfterClosing) {
-  const Pty pty;
-  const auto transport = opened(pty);
+TEST_F(SerialTransportOpened, NothingKeepsTheThreadAfterClosing) {
   pty.say("x");
   EXPECT_EQ(read(*transport, std::chrono::hours(1)), "x");
   transport->close();
@@ -221,9 +216,7 @@ TEST_F(SerialTransportTest, NothingKeepsTheThreadAfterClosing) {
   EXPECT_TRUE(io.stopped()) << "the deadline of a read that is over still waits";
 }
 
-TEST_F(SerialTransportTest, PortIsRawAtTheSpeedAskedFor) {
-  const Pty pty;
-  const auto transport = opened(pty);
+TEST_F(SerialTransportOpened, PortIsRawAtTheSpeedAskedFor) {
   termios2 settings{};
   ASSERT_EQ(ioctl(pty.plc(), TCGETS2, &settings), 0);
   EXPECT_EQ(settings.c_ospeed, 9600U);

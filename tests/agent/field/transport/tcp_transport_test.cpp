@@ -38,9 +38,12 @@ struct TcpTransportTest : TransportTest {
   tcp::acceptor server{server_io, tcp::endpoint(asio::ip::address_v4::loopback(), 0)};
 };
 
-TEST_F(TcpTransportTest, BytesGoBothWays) {
-  const auto transport = stream();
+struct TcpTransportConnected : TcpTransportTest {
+  const std::unique_ptr<Transport> transport = stream();
   tcp::socket peer = connect(*transport);
+};
+
+TEST_F(TcpTransportConnected, BytesGoBothWays) {
   const std::string request = "\x05\x02\x03";
   const auto written = write(*transport, request);
   EXPECT_EQ(written.sent, 3U);
@@ -70,9 +73,7 @@ TEST_F(TcpTransportTest, PortWhereNobodyListensIsLinkDown) {
   EXPECT_FALSE(transport->is_open());
 }
 
-TEST_F(TcpTransportTest, ReadEndsAtItsDeadline) {
-  const auto transport = stream();
-  tcp::socket peer = connect(*transport);
+TEST_F(TcpTransportConnected, ReadEndsAtItsDeadline) {
   EXPECT_EQ(read(*transport, milliseconds(10)), "timeout");
   say(peer, "late");
   EXPECT_EQ(read(*transport), "late");
@@ -88,9 +89,7 @@ TEST_F(TcpTransportTest, EarlierDeadlineAfterALaterOneHolds) {
   EXPECT_EQ(read(*transport, milliseconds(10)), "timeout");
 }
 
-TEST_F(TcpTransportTest, LaterDeadlineAfterAnEarlierOneHolds) {
-  const auto transport = stream();
-  tcp::socket peer = connect(*transport);
+TEST_F(TcpTransportConnected, LaterDeadlineAfterAnEarlierOneHolds) {
   say(peer, "x");
   EXPECT_EQ(read(*transport, milliseconds(30)), "x");
   const auto began = Clock::now();
@@ -104,9 +103,7 @@ TEST_F(TcpTransportTest, PeerThatClosesIsLinkDown) {
   EXPECT_EQ(read(*transport), "link_down");
 }
 
-TEST_F(TcpTransportTest, DiscardNoticesAPeerThatHasGoneBeforeAnythingIsSent) {
-  const auto transport = stream();
-  tcp::socket peer = connect(*transport);
+TEST_F(TcpTransportConnected, DiscardNoticesAPeerThatHasGoneBeforeAnythingIsSent) {
   say(peer, "stale reply");
   peer.close();
   run_until(io, [&] { return !transport->discard_input().has_value(); });
@@ -114,9 +111,7 @@ TEST_F(TcpTransportTest, DiscardNoticesAPeerThatHasGoneBeforeAnythingIsSent) {
   EXPECT_EQ(error_of(transport->discard_input()).code, ErrorCode::link_down);
 }
 
-TEST_F(TcpTransportTest, DiscardThrowsAwayWhatHasArrived) {
-  const auto transport = stream();
-  tcp::socket peer = connect(*transport);
+TEST_F(TcpTransportConnected, DiscardThrowsAwayWhatHasArrived) {
   EXPECT_EQ(transport->discard_input().value_or(Bytes(99)).size(), 0U);
   say(peer, "stale reply");
   std::size_t thrown_away = 0;
@@ -137,9 +132,7 @@ TEST_F(TcpTransportTest, OpensAgainAfterALoss) {
   EXPECT_EQ(read(*transport), "here");
 }
 
-TEST_F(TcpTransportTest, PeerThatTakesNoMoreBytesEndsTheWrite) {
-  const auto transport = stream();
-  tcp::socket peer = connect(*transport);
+TEST_F(TcpTransportConnected, PeerThatTakesNoMoreBytesEndsTheWrite) {
   const std::string flood(64 << 20, 0x55);
   const auto written = write(*transport, flood, milliseconds(50));
   ASSERT_TRUE(written.error);
@@ -148,16 +141,12 @@ TEST_F(TcpTransportTest, PeerThatTakesNoMoreBytesEndsTheWrite) {
   EXPECT_LT(written.sent, flood.size());
 }
 
-TEST_F(TcpTransportTest, ClosingEndsAWaitingRead) {
-  const auto transport = stream();
-  tcp::socket peer = connect(*transport);
+TEST_F(TcpTransportConnected, ClosingEndsAWaitingRead) {
   asio::post(io, [&] { asio::post(io, [&] { transport->close(); }); });
   EXPECT_EQ(read(*transport, std::chrono::hours(1)), "link_down");
 }
 
-TEST_F(TcpTransportTest, NothingKeepsTheThreadAfterClosing) {
-  const auto transport = stream();
-  tcp::socket peer = connect(*transport);
+TEST_F(TcpTransportConnected, NothingKeepsTheThreadAfterClosing) {
   say(peer, "x");
   EXPECT_EQ(read(*transport, std::chrono::hours(1)), "x");
   transport->close();

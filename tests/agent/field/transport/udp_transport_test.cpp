@@ -113,8 +113,11 @@ TEST_F(UdpTransportTest, NoMoreOpenFilesNamesTheCure) {
   expect_says(error_of(open(*transport)).text, "LimitNOFILE");
 }
 
-TEST_F(UdpTransportTest, AnswersOfOthersAreNotTaken) {
-  const auto transport = opened();
+struct UdpTransportOpened : UdpTransportTest {
+  const std::unique_ptr<Transport> transport = opened();
+};
+
+TEST_F(UdpTransportOpened, AnswersOfOthersAreNotTaken) {
   const udp::endpoint agent = asked(*transport);
   udp::socket same_host(device_io, udp::endpoint(asio::ip::address_v4::loopback(), 0));
   udp::socket other_host(device_io, udp::endpoint(asio::ip::make_address("127.0.0.2"),
@@ -127,8 +130,7 @@ TEST_F(UdpTransportTest, AnswersOfOthersAreNotTaken) {
   EXPECT_TRUE(transport->discard_input().value_or(Bytes(1)).empty());
 }
 
-TEST_F(UdpTransportTest, DatagramLongerThanTheBufferComesInPartsAndNothingOfTheNextWithIt) {
-  const auto transport = opened();
+TEST_F(UdpTransportOpened, DatagramLongerThanTheBufferComesInPartsAndNothingOfTheNextWithIt) {
   const udp::endpoint agent = asked(*transport);
   say(agent, "0123456789");
   say(agent, "next");
@@ -141,8 +143,7 @@ TEST_F(UdpTransportTest, DatagramLongerThanTheBufferComesInPartsAndNothingOfTheN
   EXPECT_EQ(read(*transport), "next");
 }
 
-TEST_F(UdpTransportTest, LongAnswersAreWhole) {
-  const auto transport = opened();
+TEST_F(UdpTransportOpened, LongAnswersAreWhole) {
   const udp::endpoint agent = asked(*transport);
   say(agent, std::string(8192, 'x'));
   EXPECT_EQ(read(*transport, kLimit, 10000).size(), 8192U);
@@ -150,8 +151,7 @@ TEST_F(UdpTransportTest, LongAnswersAreWhole) {
   EXPECT_EQ(read(*transport, kLimit, 65536).size(), 8192U) << "no frame is as long";
 }
 
-TEST_F(UdpTransportTest, DatagramWithoutAByteIsPassedOver) {
-  const auto transport = opened();
+TEST_F(UdpTransportOpened, DatagramWithoutAByteIsPassedOver) {
   const udp::endpoint agent = asked(*transport);
   say(agent, "");
   say(agent, "answer");
@@ -163,8 +163,7 @@ TEST_F(UdpTransportTest, DatagramWithoutAByteIsPassedOver) {
   EXPECT_TRUE(transport->is_open());
 }
 
-TEST_F(UdpTransportTest, DatagramsWithoutAByteDoNotHoldUpItsDeadline) {
-  const auto transport = opened();
+TEST_F(UdpTransportOpened, DatagramsWithoutAByteDoNotHoldUpItsDeadline) {
   const udp::endpoint agent = asked(*transport);
   for (int i = 0; i < 3; ++i) say(agent, "");
   say(agent, "too late");
@@ -172,8 +171,7 @@ TEST_F(UdpTransportTest, DatagramsWithoutAByteDoNotHoldUpItsDeadline) {
   EXPECT_EQ(read(*transport), "too late");
 }
 
-TEST_F(UdpTransportTest, EachPortIsAnotherThanTheOneBefore) {
-  const auto transport = opened();
+TEST_F(UdpTransportOpened, EachPortIsAnotherThanTheOneBefore) {
   unsigned short before = 0;
   for (int i = 0; i < 20; ++i) {
     const auto port = asked(*transport).port();
@@ -183,8 +181,7 @@ TEST_F(UdpTransportTest, EachPortIsAnotherThanTheOneBefore) {
   }
 }
 
-TEST_F(UdpTransportTest, ReadEndsAtItsDeadline) {
-  const auto transport = opened();
+TEST_F(UdpTransportOpened, ReadEndsAtItsDeadline) {
   const auto began = Clock::now();
   EXPECT_EQ(read(*transport, milliseconds(30)), "timeout");
   EXPECT_GE(Clock::now() - began, milliseconds(30));
@@ -243,8 +240,7 @@ TEST_F(UdpTransportTest, FixedPortThatAnotherHasIsNamedWithTheCure) {
   EXPECT_FALSE(transport->is_open());
 }
 
-TEST_F(UdpTransportTest, WhatCameToAFixedPortBeforeItWasOpenIsGone) {
-  const auto transport = opened();
+TEST_F(UdpTransportOpened, WhatCameToAFixedPortBeforeItWasOpenIsGone) {
   const udp::endpoint agent = asked(*transport);
   transport->close();
   const auto again = channel("127.0.0.1", agent.port());
@@ -271,8 +267,7 @@ TEST_F(UdpTransportTest, AfterItIsRenewedNoAnswerToAnEarlierQuestionComes) {
   EXPECT_EQ(read(*transport, milliseconds(20)), "timeout");
 }
 
-TEST_F(UdpTransportTest, PortThatWasNotAskedFromIsKept) {
-  const auto transport = opened();
+TEST_F(UdpTransportOpened, PortThatWasNotAskedFromIsKept) {
   const int unused = 3;
   for (int i = 0; i < unused; ++i) ASSERT_TRUE(transport->renew());
   const udp::endpoint agent = asked(*transport);
@@ -280,8 +275,7 @@ TEST_F(UdpTransportTest, PortThatWasNotAskedFromIsKept) {
   EXPECT_EQ(read(*transport), "here");
 }
 
-TEST_F(UdpTransportTest, DiscardThrowsAwayWhatHasArrived) {
-  const auto transport = opened();
+TEST_F(UdpTransportOpened, DiscardThrowsAwayWhatHasArrived) {
   EXPECT_EQ(transport->discard_input().value_or(Bytes(99)).size(), 0U);
   const udp::endpoint agent = asked(*transport);
   say(agent, "stale");
@@ -298,8 +292,7 @@ TEST_F(UdpTransportTest, DiscardThrowsAwayWhatHasArrived) {
   EXPECT_EQ(read(*transport), "new");
 }
 
-TEST_F(UdpTransportTest, ClosingEndsAWaitingRead) {
-  const auto transport = opened();
+TEST_F(UdpTransportOpened, ClosingEndsAWaitingRead) {
   asio::post(io, [&] { asio::post(io, [&] { transport->close(); }); });
   EXPECT_EQ(read(*transport, std::chrono::hours(1)), "link_down");
   EXPECT_EQ(read_error.find("127.0.0.1:"), 0U) << read_error;
@@ -307,8 +300,7 @@ TEST_F(UdpTransportTest, ClosingEndsAWaitingRead) {
   EXPECT_FALSE(transport->discard_input());
 }
 
-TEST_F(UdpTransportTest, NothingKeepsTheThreadAfterClosing) {
-  const auto transport = opened();
+TEST_F(UdpTransportOpened, NothingKeepsTheThreadAfterClosing) {
   say(asked(*transport), "x");
   EXPECT_EQ(read(*transport, std::chrono::hours(1)), "x");
   transport->close();

@@ -24,8 +24,11 @@ std::optional<std::string> content(const DurableFile& file) {
   return text.value_or(std::nullopt);
 }
 
-TEST(DurableFile, WhatWasWrittenIsReadByTheNext) {
+struct DurableFileTest : ::testing::Test {
   const Scratch scratch;
+};
+
+TEST_F(DurableFileTest, WhatWasWrittenIsReadByTheNext) {
   const DurableFile file(scratch.path("store"), "kept.json");
   EXPECT_EQ(content(file), std::nullopt);
   EXPECT_EQ(file.write("one"), "");
@@ -36,8 +39,7 @@ TEST(DurableFile, WhatWasWrittenIsReadByTheNext) {
   EXPECT_EQ(file.remove(), "");
 }
 
-TEST(DurableFile, APowerCutLeavesWhatWasWrittenLast) {
-  const Scratch scratch;
+TEST_F(DurableFileTest, APowerCutLeavesWhatWasWrittenLast) {
   const test::SyncedFiles disk;
   const DurableFile file(scratch.path("store"), "kept.json");
   int cuts = 0;
@@ -54,8 +56,7 @@ TEST(DurableFile, APowerCutLeavesWhatWasWrittenLast) {
   EXPECT_EQ(after_a_power_cut(), std::nullopt);
 }
 
-TEST(DurableFile, DiskOfTheTestLosesWhatWasNotSynchronised) {
-  const Scratch scratch;
+TEST_F(DurableFileTest, DiskOfTheTestLosesWhatWasNotSynchronised) {
   const test::SyncedFiles disk;
   const DurableFile file(scratch.path("store"), "kept.json");
   ASSERT_EQ(file.write("one"), "");
@@ -66,8 +67,7 @@ TEST(DurableFile, DiskOfTheTestLosesWhatWasNotSynchronised) {
   EXPECT_EQ(content(DurableFile(scratch.path("after"), "other.json")), std::nullopt);
 }
 
-TEST(DurableFile, NobodyElseReadsIt) {
-  const Scratch scratch;
+TEST_F(DurableFileTest, NobodyElseReadsIt) {
   const DurableFile file(scratch.path("store"), "kept.json");
   ASSERT_EQ(file.write("one"), "");
   struct stat found {};
@@ -77,8 +77,7 @@ TEST(DurableFile, NobodyElseReadsIt) {
   EXPECT_EQ(found.st_mode & 0777, 0700u);
 }
 
-TEST(DurableFile, NothingIsLeftBesideIt) {
-  const Scratch scratch;
+TEST_F(DurableFileTest, NothingIsLeftBesideIt) {
   const DurableFile file(scratch.path("store"), "kept.json");
   std::filesystem::create_directory(scratch.path("store"));
   std::ofstream(file.path() + ".new") << "half of";  // left by a crash
@@ -91,8 +90,7 @@ TEST(DurableFile, NothingIsLeftBesideIt) {
   EXPECT_EQ(files, 1u);
 }
 
-TEST(DurableFile, ADiskThatRefusesLeavesTheOneBefore) {
-  const Scratch scratch;
+TEST_F(DurableFileTest, ADiskThatRefusesLeavesTheOneBefore) {
   const DurableFile file(scratch.path("store"), "kept.json");
   ASSERT_EQ(file.write("one"), "");
   std::string why;
@@ -105,8 +103,7 @@ TEST(DurableFile, ADiskThatRefusesLeavesTheOneBefore) {
   EXPECT_FALSE(std::filesystem::exists(file.path() + ".new"));
 }
 
-TEST(DurableFile, LinksAndWhatIsTooLargeAreNotRead) {
-  const Scratch scratch;
+TEST_F(DurableFileTest, LinksAndWhatIsTooLargeAreNotRead) {
   const DurableFile file(scratch.path("store"), "kept.json");
   ASSERT_EQ(file.write("one two three"), "");
   EXPECT_FALSE(file.read(5).has_value());
@@ -119,15 +116,13 @@ TEST(DurableFile, LinksAndWhatIsTooLargeAreNotRead) {
   EXPECT_EQ(std::filesystem::file_size(scratch.path("elsewhere")), 13u);
 }
 
-TEST(DurableFile, ADirectoryThatOthersWriteIsRefused) {
-  const Scratch scratch;
+TEST_F(DurableFileTest, ADirectoryThatOthersWriteIsRefused) {
   std::filesystem::create_directory(scratch.path("store"));
   std::filesystem::permissions(scratch.path("store"), std::filesystem::perms::all);
   EXPECT_NE(DurableFile(scratch.path("store"), "kept.json").write("one"), "");
 }
 
-TEST(DurableFile, OneProcessOfTwoHasTheLock) {
-  const Scratch scratch;
+TEST_F(DurableFileTest, OneProcessOfTwoHasTheLock) {
   std::optional<DurableFile> first(std::in_place, scratch.path("store"), "kept.json");
   DurableFile second(scratch.path("store"), "kept.json");
   EXPECT_EQ(first->lock(), "");
@@ -137,8 +132,7 @@ TEST(DurableFile, OneProcessOfTwoHasTheLock) {
   EXPECT_EQ(second.lock(), "");
 }
 
-TEST(DurableFile, ADirectoryThatWasReplacedIsLockedAgain) {
-  const Scratch scratch;
+TEST_F(DurableFileTest, ADirectoryThatWasReplacedIsLockedAgain) {
   DurableFile file(scratch.path("store"), "kept.json");
   ASSERT_EQ(file.lock(), "");
   std::filesystem::rename(scratch.path("store"), scratch.path("away"));

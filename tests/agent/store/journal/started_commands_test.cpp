@@ -71,10 +71,11 @@ struct StartedCommandsTest : ::testing::Test {
   const Left kNothing{{"started", false}, {"waiting", false}};
 };
 
-TEST_F(StartedCommandsTest, CommandThatWaitedSurelyWasNotSent) {
-  start_one_of_two_and_kill();
-  EXPECT_EQ(left(), kProven);
-}
+struct StartedCommandsKilled : StartedCommandsTest {
+  StartedCommandsKilled() { start_one_of_two_and_kill(); }
+};
+
+TEST_F(StartedCommandsKilled, CommandThatWaitedSurelyWasNotSent) { EXPECT_EQ(left(), kProven); }
 
 TEST_F(StartedCommandsTest, RunThatIsKilledBeforeItsRecoveryLosesNothing) {
   journal_two_and_start_one();
@@ -84,8 +85,7 @@ TEST_F(StartedCommandsTest, RunThatIsKilledBeforeItsRecoveryLosesNothing) {
   }
 }
 
-TEST_F(StartedCommandsTest, MarksOfSeveralRunsAreOne) {
-  start_one_of_two_and_kill();
+TEST_F(StartedCommandsKilled, MarksOfSeveralRunsAreOne) {
   left();
   start(journal("started later"));
   journal("waiting later");
@@ -102,8 +102,7 @@ TEST_F(StartedCommandsTest, CommandsOfTheRunThatAsksMayHaveLeft) {
     EXPECT_FALSE(each.surely_not_sent);
 }
 
-TEST_F(StartedCommandsTest, CommandsOfTheRunThatAsksMayHaveLeftWhateverEarlierRunsProve) {
-  start_one_of_two_and_kill();
+TEST_F(StartedCommandsKilled, CommandsOfTheRunThatAsksMayHaveLeftWhateverEarlierRunsProve) {
   EXPECT_EQ(left(), kProven);
   journal("mine");
   Left all;
@@ -112,8 +111,7 @@ TEST_F(StartedCommandsTest, CommandsOfTheRunThatAsksMayHaveLeftWhateverEarlierRu
   EXPECT_EQ(all, (Left{{"started", false}, {"waiting", true}, {"mine", false}}));
 }
 
-TEST_F(StartedCommandsTest, NothingIsProvenAfterAStartOfTheMachine) {
-  start_one_of_two_and_kill();
+TEST_F(StartedCommandsKilled, NothingIsProvenAfterAStartOfTheMachine) {
   std::string bytes = content_of(path());
   bytes[kBootAt] = bytes[kBootAt] == '0' ? '1' : '0';
   overwrite(bytes);
@@ -132,30 +130,26 @@ TEST_F(StartedCommandsTest, NothingIsProvenWithoutTheFileOrByAnother) {
   }
 }
 
-TEST_F(StartedCommandsTest, NothingIsProvenOfACopyOfTheStore) {
-  start_one_of_two_and_kill();
+TEST_F(StartedCommandsKilled, NothingIsProvenOfACopyOfTheStore) {
   const std::string copy = shelf.scratch.path("copy");
   fs::copy(shelf.config.path, copy, fs::copy_options::recursive);
   shelf.config.path = copy;
   EXPECT_EQ(left(), kNothing);
 }
 
-TEST_F(StartedCommandsTest, NothingIsProvenWhereTheDatabaseIsAnother) {
-  start_one_of_two_and_kill();
+TEST_F(StartedCommandsKilled, NothingIsProvenWhereTheDatabaseIsAnother) {
   fs::copy(shelf.file(), shelf.scratch.path("other"));
   fs::rename(shelf.scratch.path("other"), shelf.file());
   EXPECT_EQ(left(), kNothing);
 }
 
 // As if a backup of the whole directory had been restored: its marks are older than the file.
-TEST_F(StartedCommandsTest, NothingIsProvenByAnOldCopyInThePlaceOfTheFile) {
-  start_one_of_two_and_kill();
+TEST_F(StartedCommandsKilled, NothingIsProvenByAnOldCopyInThePlaceOfTheFile) {
   move_marks(-10'000'000'000);
   EXPECT_EQ(left(), kNothing);
 }
 
-TEST_F(StartedCommandsTest, NothingIsProvenByMarksThatAreYoungerThanTheFile) {
-  start_one_of_two_and_kill();
+TEST_F(StartedCommandsKilled, NothingIsProvenByMarksThatAreYoungerThanTheFile) {
   move_marks(10'000'000'000);
   EXPECT_EQ(left(), kNothing);
 }
@@ -243,8 +237,7 @@ TEST_F(StartedCommandsTest, OldestMarkIsKnownUntilThereIsNoRoomForIt) {
 }
 
 /// The store opens when this run has already sent commands.
-TEST_F(StartedCommandsTest, StoreThatOpensLateKnowsWhatWaitedAndNothingOfThisRun) {
-  start_one_of_two_and_kill();
+TEST_F(StartedCommandsKilled, StoreThatOpensLateKnowsWhatWaitedAndNothingOfThisRun) {
   const std::string aside = shelf.scratch.path("aside");
   fs::rename(shelf.config.path, aside);
   shelf.block();

@@ -13,9 +13,12 @@ namespace {
 using namespace std::chrono_literals;
 using namespace test;
 
-// The result was published and then dropped to make room. A different result must not be published.
-TEST(StoredJournal, CommandWhoseResultWasPublishedAndLostIsKnownAndOver) {
+struct StoredJournalTest : ::testing::Test {
   OpenShelf shelf;
+};
+
+// The result was published and then dropped to make room. A different result must not be published.
+TEST_F(StoredJournalTest, CommandWhoseResultWasPublishedAndLostIsKnownAndOver) {
   JournalEntry command = shelf.arrived("x");
   ASSERT_TRUE(shelf.journal(command));
   shelf.store->upkeep(kStart, kNow);
@@ -38,8 +41,7 @@ TEST(StoredJournal, CommandWhoseResultWasPublishedAndLostIsKnownAndOver) {
       std::any_of(ids.begin(), ids.end(), [](const auto& known) { return known.id == "x"; }));
 }
 
-TEST(StoredJournal, UnwrittenIsEveryEntryOfWhichTheDiskHasRefusedAPart) {
-  OpenShelf shelf;
+TEST_F(StoredJournalTest, UnwrittenIsEveryEntryOfWhichTheDiskHasRefusedAPart) {
   StoredJournal& journal = shelf.store->journal();
   JournalEntry early = shelf.arrived("early");
   ASSERT_TRUE(journal.journal(std::vector{early}));
@@ -65,8 +67,7 @@ TEST(StoredJournal, UnwrittenIsEveryEntryOfWhichTheDiskHasRefusedAPart) {
   EXPECT_TRUE(journal.unwritten().empty());
 }
 
-TEST(StoredJournal, CommandIsInTheFreshFileThatTookThePlaceOfADamagedOne) {
-  OpenShelf shelf;
+TEST_F(StoredJournalTest, CommandIsInTheFreshFileThatTookThePlaceOfADamagedOne) {
   JournalEntry early = entry("early");
   early.audit = R"({"early":1})";
   ASSERT_TRUE(shelf.journal(early));
@@ -84,8 +85,7 @@ TEST(StoredJournal, CommandIsInTheFreshFileThatTookThePlaceOfADamagedOne) {
   EXPECT_EQ(shelf.open().journal().unacknowledged().at(0).id, "x");
 }
 
-TEST(StoredJournal, JournalRemembersCommandsAndTheirFirstResult) {
-  OpenShelf shelf;
+TEST_F(StoredJournalTest, JournalRemembersCommandsAndTheirFirstResult) {
   ASSERT_TRUE(shelf.store->journal().journal(std::vector{entry("one"), entry("two")}));
   shelf.record(entry("one", "{1}"));
   shelf.record(entry("one", "{2}"));
@@ -123,8 +123,7 @@ TEST(StoredJournal, AcknowledgementsFollowResultsThatAreWrittenInParts) {
   EXPECT_TRUE(shelf.store->journal().unacknowledged().empty());
 }
 
-TEST(StoredJournal, AcknowledgementIsOnDiskWithTheNextCommand) {
-  OpenShelf shelf;
+TEST_F(StoredJournalTest, AcknowledgementIsOnDiskWithTheNextCommand) {
   shelf.record_acknowledged(entry("one", "{1}"));
   shelf.store->journal().note("delivered");
   ASSERT_TRUE(shelf.journal(entry("two")));
@@ -135,8 +134,7 @@ TEST(StoredJournal, AcknowledgementIsOnDiskWithTheNextCommand) {
 }
 
 // The field forgets the oldest of 10,000 ids at once, the file once a minute.
-TEST(StoredJournal, IdThatIsUsedAnewIsAnotherCommand) {
-  OpenShelf shelf;
+TEST_F(StoredJournalTest, IdThatIsUsedAnewIsAnotherCommand) {
   JournalEntry first = entry("one");
   first.number = 7;
   JournalEntry again = entry("one", "", kNow + 60000);
@@ -172,8 +170,7 @@ TEST(StoredJournal, IdThatIsUsedAnewIsAnotherCommand) {
   EXPECT_TRUE(shelf.found("one")->acknowledged);
 }
 
-TEST(StoredJournal, IdsAreForgottenAfterADayAndNotBeforeTheirDeadline) {
-  OpenShelf shelf;
+TEST_F(StoredJournalTest, IdsAreForgottenAfterADayAndNotBeforeTheirDeadline) {
   const std::int64_t day = 24 * 3600 * 1000;
   // An hour longer than the field remembers ids, so that the field finds every id it asks for.
   for (const std::int64_t age : {day + 3620000, day + 3580000}) {
@@ -207,8 +204,7 @@ TEST(StoredJournal, IdsAreKeptForTheirDayHoweverLongSamplesAre) {
   }
 }
 
-TEST(StoredJournal, OfTheOldestIdsTheResultsGoAndTheIdsStay) {
-  OpenShelf shelf;
+TEST_F(StoredJournalTest, OfTheOldestIdsTheResultsGoAndTheIdsStay) {
   for (std::size_t i = 0; i < kRememberedIds + 5; ++i) {
     const std::int64_t at = kNow - 100000 + static_cast<std::int64_t>(i);
     shelf.record_acknowledged(entry(std::to_string(i), "{}", at));
@@ -221,8 +217,7 @@ TEST(StoredJournal, OfTheOldestIdsTheResultsGoAndTheIdsStay) {
   EXPECT_EQ(shelf.found("5")->result, "{}");
 }
 
-TEST(StoredJournal, FaultInTheMiddleOfForgettingLeavesTheSizeRight) {
-  OpenShelf shelf;
+TEST_F(StoredJournalTest, FaultInTheMiddleOfForgettingLeavesTheSizeRight) {
   JournalEntry old = entry("old", "{}", kNow - std::chrono::milliseconds(48h).count());
   shelf.record_acknowledged(old);
   for (std::size_t i = 0; i < kRememberedIds + 5; ++i) {
@@ -253,8 +248,7 @@ TEST(StoredJournal, FaultInTheMiddleOfForgettingLeavesTheSizeRight) {
 
 // Independently of the calendar, an id that came after 10,000 others is new, and an unacknowledged
 // result is never skipped.
-TEST(StoredJournal, NewestIdsAreThoseThatCameLast) {
-  OpenShelf shelf;
+TEST_F(StoredJournalTest, NewestIdsAreThoseThatCameLast) {
   constexpr std::int64_t kHour = 3600000;
   for (std::size_t i = 0; i < kRememberedIds; ++i) {
     JournalEntry made = shelf.arrived(std::to_string(i), "{}", kNow + static_cast<std::int64_t>(i));
@@ -278,8 +272,7 @@ TEST(StoredJournal, NewestIdsAreThoseThatCameLast) {
             "0");  // beyond the limit, but not acknowledged
 }
 
-TEST(StoredJournal, IdIsKeptUntilItsTimeIsOverHoweverManyFollow) {
-  OpenShelf shelf;
+TEST_F(StoredJournalTest, IdIsKeptUntilItsTimeIsOverHoweverManyFollow) {
   JournalEntry patient = entry("patient", "{}");
   patient.deadline_ms = kNow + 3600000;
   patient.number = shelf.store->audit().next_command_number();
@@ -310,8 +303,7 @@ TEST(StoredJournal, ResultsAboveTheShareOfCommandsGoAndTheIdsStay) {
   EXPECT_EQ(shelf.store->journal().known_ids().size(), 30U);
 }
 
-TEST(StoredJournal, CommandsThatWereRefusedDoNotFillTheFile) {
-  OpenShelf shelf;
+TEST_F(StoredJournalTest, CommandsThatWereRefusedDoNotFillTheFile) {
   for (std::size_t i = 0; i < 10500; ++i) {
     JournalEntry made = shelf.arrived(std::to_string(i), "{}");
     made.refused = true;
@@ -323,8 +315,7 @@ TEST(StoredJournal, CommandsThatWereRefusedDoNotFillTheFile) {
   EXPECT_TRUE(shelf.store->journal().known_ids().front().refused);
 }
 
-TEST(StoredJournal, ResultsThatNobodyTakesDoNotFillTheDisk) {
-  OpenShelf shelf;
+TEST_F(StoredJournalTest, ResultsThatNobodyTakesDoNotFillTheDisk) {
   for (std::size_t i = 0; i < kRememberedIds + 3; ++i) {
     shelf.record(shelf.arrived(std::to_string(i), "{}"));
   }
@@ -348,8 +339,7 @@ TEST(StoredJournal, ResultThatIsNotAcknowledgedIsKeptAsLongAsASample) {
 
 // The result of the first one could not be written and the id was forgotten: a restart must know
 // the command that is carried out now.
-TEST(StoredJournal, CommandTakesThePlaceOfAnEarlierOneWithoutAResult) {
-  OpenShelf shelf;
+TEST_F(StoredJournalTest, CommandTakesThePlaceOfAnEarlierOneWithoutAResult) {
   JournalEntry command = shelf.arrived("x");
   ASSERT_TRUE(shelf.journal(command));
   JournalEntry anew = shelf.arrived("x");
@@ -361,8 +351,7 @@ TEST(StoredJournal, CommandTakesThePlaceOfAnEarlierOneWithoutAResult) {
 }
 
 // The clock is set during a command: the result must not change the command's age.
-TEST(StoredJournal, ResultLeavesTheTimeOfItsCommand) {
-  OpenShelf shelf;
+TEST_F(StoredJournalTest, ResultLeavesTheTimeOfItsCommand) {
   JournalEntry command = shelf.arrived("x");
   ASSERT_TRUE(shelf.journal(command));
   command.result = "{}";

@@ -26,9 +26,12 @@ TEST(SampleStreams, StreamWithTheOldestRowIsNext) {
   EXPECT_EQ(streams.bytes(), 400U);
 }
 
-TEST(SampleStreams, StreamWithAMessageOnItsWayIsPassedOver) {
+struct SampleStreamsWithARow : ::testing::Test {
+  SampleStreamsWithARow() { streams.added(row(1, kFast)); }
   SampleStreams streams;
-  streams.added(row(1, kFast));
+};
+
+TEST_F(SampleStreamsWithARow, StreamWithAMessageOnItsWayIsPassedOver) {
   streams.added(row(2, kSlow));
   streams.set_on_the_way(kFast, true);
   EXPECT_TRUE(streams.is_on_the_way(kFast));
@@ -37,9 +40,7 @@ TEST(SampleStreams, StreamWithAMessageOnItsWayIsPassedOver) {
   EXPECT_EQ(streams.oldest_waiting(any), kFast);
 }
 
-TEST(SampleStreams, RowThatIsOutWaitsForNobodyUntilItIsReleased) {
-  SampleStreams streams;
-  streams.added(row(1, kFast));
+TEST_F(SampleStreamsWithARow, RowThatIsOutWaitsForNobodyUntilItIsReleased) {
   streams.take(row(1, kFast));
   EXPECT_TRUE(streams.is_out(1));
   EXPECT_FALSE(streams.has_waiting(kFast));
@@ -52,9 +53,7 @@ TEST(SampleStreams, RowThatIsOutWaitsForNobodyUntilItIsReleased) {
   EXPECT_FALSE(streams.has_waiting("b"));
 }
 
-TEST(SampleStreams, StreamWhoseOldRowsAreGoneLetsAnOlderOneGoFirst) {
-  SampleStreams streams;
-  streams.added(row(1, kFast));
+TEST_F(SampleStreamsWithARow, StreamWhoseOldRowsAreGoneLetsAnOlderOneGoFirst) {
   streams.added(row(2, kSlow));
   streams.added(row(3, kFast));
   streams.added(row(4, kFast));
@@ -63,9 +62,7 @@ TEST(SampleStreams, StreamWhoseOldRowsAreGoneLetsAnOlderOneGoFirst) {
   EXPECT_EQ(streams.oldest_waiting(any), kSlow);
 }
 
-TEST(SampleStreams, RowIsRemovedOnceAndOnlyWhileItIsOut) {
-  SampleStreams streams;
-  streams.added(row(1, kFast));
+TEST_F(SampleStreamsWithARow, RowIsRemovedOnceAndOnlyWhileItIsOut) {
   EXPECT_FALSE(streams.remove(1));
   streams.take(row(1, kFast));
   EXPECT_TRUE(streams.remove(1));
@@ -74,9 +71,7 @@ TEST(SampleStreams, RowIsRemovedOnceAndOnlyWhileItIsOut) {
   EXPECT_EQ(streams.bytes(), 0U);
 }
 
-TEST(SampleStreams, RowThatMakesRoomIsGoneEvenWhereItWasOut) {
-  SampleStreams streams;
-  streams.added(row(1, kFast));
+TEST_F(SampleStreamsWithARow, RowThatMakesRoomIsGoneEvenWhereItWasOut) {
   streams.added(row(2, kFast));
   streams.take(row(1, kFast));
   streams.remove_oldest(row(1, kFast));
@@ -85,9 +80,7 @@ TEST(SampleStreams, RowThatMakesRoomIsGoneEvenWhereItWasOut) {
   EXPECT_EQ(streams.rows(), 1U);
 }
 
-TEST(SampleStreams, ClearSaysHowManyEachDeviceHad) {
-  SampleStreams streams;
-  streams.added(row(1, kFast));
+TEST_F(SampleStreamsWithARow, ClearSaysHowManyEachDeviceHad) {
   streams.added(row(2, kSlow));
   streams.added(row(3, kOther));
   streams.take(row(3, kOther));

@@ -121,10 +121,16 @@ TEST_F(TypedCommandsTest, RebirthThatAHostAskedForRepeatsTheLastNumbers) {
   EXPECT_TRUE(due().empty()) << "the host has them";
 }
 
-TEST_F(TypedCommandsTest, DeviceThatAReloadRemovesDies) {
-  device(DeviceStatus::State::online);
-  profile_->connection_began(Connected{});
-  due();
+/// After the births of the node and of press1.
+struct TypedCommandsBorn : TypedCommandsTest {
+  TypedCommandsBorn() {
+    device(DeviceStatus::State::online);
+    profile_->connection_began(Connected{});
+    due();
+  }
+};
+
+TEST_F(TypedCommandsBorn, DeviceThatAReloadRemovesDies) {
   hear("DCMD/edge7/press1", kRequest);
   rebirth();
   ConfigChange change;
@@ -181,10 +187,7 @@ TEST_F(TypedCommandsTest, WillHasTheNumberOfTheSessionAlone) {
   EXPECT_TRUE(profile_->farewell(kSentMs).empty()) << "not born";
 }
 
-TEST_F(TypedCommandsTest, RequestIsOneCommandAndItsResultTheAnswer) {
-  device(DeviceStatus::State::online);
-  profile_->connection_began(Connected{});
-  due();
+TEST_F(TypedCommandsBorn, RequestIsOneCommandAndItsResultTheAnswer) {
   hear("DCMD/edge7/press1", kRequest);
   ASSERT_EQ(relayed_.size(), 1U);
   EXPECT_EQ(relayed_[0].device, "press1");
@@ -251,10 +254,7 @@ TEST_F(TypedCommandsTest, EachStatusHasACodeOfItsOwn) {
   EXPECT_EQ(codes, (Lines{"0", "1", "2", "3", "4", "5", "6"}));
 }
 
-TEST_F(TypedCommandsTest, AnswerOfAnOutageFollowsTheBirthsOfTheNextSession) {
-  device(DeviceStatus::State::online);
-  profile_->connection_began(Connected{});
-  due();
+TEST_F(TypedCommandsBorn, AnswerOfAnOutageFollowsTheBirthsOfTheNextSession) {
   hear("DCMD/edge7/press1", kRequest);
   profile_->connection_ended();
   relayed_[0].reply(R"({"status":"SUCCEEDED","value":7})");
@@ -282,10 +282,7 @@ TEST_F(TypedCommandsTest, AnswersThatWaitOutliveTheConnection) {
   EXPECT_TRUE(due().empty()) << "too large for this broker";
 }
 
-TEST_F(TypedCommandsTest, HostileMessagesAreNoCommands) {
-  device(DeviceStatus::State::online);
-  profile_->connection_began(Connected{});
-  due();
+TEST_F(TypedCommandsBorn, HostileMessagesAreNoCommands) {
   now_ += 1s;
   hear("DCMD/edge7/press1", "FF FF FF");
   hear("DCMD/edge7/press1", "");

@@ -94,8 +94,11 @@ TEST(Templates, ANumberWithZerosIsANumberWhereOneIsAsked) {
   EXPECT_EQ(unit_of(config.devices[1]), 8);
 }
 
-TEST(Templates, KeysOfTheDeviceWin) {
+struct TemplatesTest : ::testing::Test {
   json plant = meters();
+};
+
+TEST_F(TemplatesTest, KeysOfTheDeviceWin) {
   plant["devices"][0]["timeout_ms"] = 700;
   plant["devices"][0]["commands"] = {{"queue", 5}};
   const Config config = good(plant.dump());
@@ -133,8 +136,7 @@ TEST(Templates, EveryKeyOfATemplateIsOneOfItsDevices) {
   }
 }
 
-TEST(Templates, GroupsAndTagsAreAddedAndReplacedByName) {
-  json plant = meters();
+TEST_F(TemplatesTest, GroupsAndTagsAreAddedAndReplacedByName) {
   plant["devices"][0]["groups"] =
       json::parse(R"([{"name": "fast", "interval_ms": 100}, {"name": "slow", "interval_ms": 9}])");
   plant["devices"][0]["tags"] = json::parse(R"([
@@ -150,8 +152,7 @@ TEST(Templates, GroupsAndTagsAreAddedAndReplacedByName) {
   EXPECT_EQ(tags(config.devices[0])[0], "power=ir:10");
 }
 
-TEST(Templates, TagsOfTheSameNameAreFoundAfterNIsPutIn) {
-  json plant = meters();
+TEST_F(TemplatesTest, TagsOfTheSameNameAreFoundAfterNIsPutIn) {
   plant["templates"]["meter"]["tags"][0]["name"] = "power{n}";
   plant["devices"][0]["tags"] = json::parse(R"([{"name": "power2", "address": "ir:99"}])");
   plant["devices"][0]["n"] = "1-2";
@@ -160,8 +161,7 @@ TEST(Templates, TagsOfTheSameNameAreFoundAfterNIsPutIn) {
   EXPECT_EQ(tags(config.devices[1]), (Strings{"power2=ir:99", "energy=ir:342"}));
 }
 
-TEST(Templates, ATemplateWithoutNMakesOneDevice) {
-  json plant = meters();
+TEST_F(TemplatesTest, ATemplateWithoutNMakesOneDevice) {
   plant["templates"]["meter"].erase("commands");
   plant["devices"] = json::parse(R"([
       {"template": "meter", "name": "a", "link": "line1", "unit": 1},
@@ -172,8 +172,7 @@ TEST(Templates, ATemplateWithoutNMakesOneDevice) {
   EXPECT_EQ(config.devices[1].timeout.count(), 5);
 }
 
-TEST(Templates, NNeedsNoTemplate) {
-  json plant = meters();
+TEST_F(TemplatesTest, NNeedsNoTemplate) {
   plant.erase("templates");
   plant["devices"] = json::parse(R"([{"name": "m{n}", "n": [4, 5], "link": "line1", "unit": "{n}",
                                       "protocol": "modbus-rtu"}])");
@@ -182,8 +181,7 @@ TEST(Templates, NNeedsNoTemplate) {
   EXPECT_EQ(unit_of(config.devices[1]), 5);
 }
 
-TEST(Templates, AllMayStandInTheTemplate) {
-  json plant = meters();
+TEST_F(TemplatesTest, AllMayStandInTheTemplate) {
   json& meter = plant["templates"]["meter"];
   meter["name"] = "meter{n}";
   meter["link"] = "line1";
@@ -199,8 +197,7 @@ TEST(Templates, ARangeOfNIsWrittenAsOneOfAddresses) {
         << same;
 }
 
-TEST(Templates, VariablesAndNDoNotDisturbEachOther) {
-  json plant = meters();
+TEST_F(TemplatesTest, VariablesAndNDoNotDisturbEachOther) {
   plant["templates"]["meter"]["tags"] = json::parse(R"([
       {"name": "a", "address": "ir:${n}"},
       {"name": "b", "address": "ir:${REG_{n}}"},
@@ -231,8 +228,7 @@ TEST(Templates, TheRangeMayComeFromTheEnvironment) {
 
 // ---- errors -----------------------------------------------------------------------------------
 
-TEST(Templates, AnErrorInATemplateIsToldOnceAndNamesBothPlaces) {
-  json plant = meters();
+TEST_F(TemplatesTest, AnErrorInATemplateIsToldOnceAndNamesBothPlaces) {
   plant["templates"]["meter"]["tags"][1]["address"] = "xx:1";
   const std::string text = plant.dump(1);
   expect_error(text, "/templates/meter/tags/1/address",
@@ -257,8 +253,7 @@ TEST(Templates, TheFirstNumberThatIsWrongIsNamed) {
                 "and for 4 others"});
 }
 
-TEST(Templates, EntriesOfOneTemplateShareItsError) {
-  json plant = meters();
+TEST_F(TemplatesTest, EntriesOfOneTemplateShareItsError) {
   plant["templates"]["meter"].erase("commands");
   plant["templates"]["meter"]["tags"][0]["type"] = "float";
   plant["devices"] = json::parse(R"([
@@ -267,8 +262,7 @@ TEST(Templates, EntriesOfOneTemplateShareItsError) {
   expect_error(plant.dump(), "/templates/meter/tags/0/type", {"/devices/0", "and for 1 other"});
 }
 
-TEST(Templates, WhatNeitherHasIsMissingAtTheDevice) {
-  json plant = meters();
+TEST_F(TemplatesTest, WhatNeitherHasIsMissingAtTheDevice) {
   plant["templates"]["meter"].erase("protocol");
   plant["templates"]["meter"].erase("tags");
   plant["templates"]["meter"].erase("commands");
@@ -285,8 +279,7 @@ TEST(Templates, AnUnknownOneNamesTheNearest) {
   expect_error(plant.dump(), "/devices/0/template", {"the config has no templates"});
 }
 
-TEST(Templates, AnUnusedOneIsAWarningAndItsKeysAreChecked) {
-  json plant = meters();
+TEST_F(TemplatesTest, AnUnusedOneIsAWarningAndItsKeysAreChecked) {
   plant["templates"]["pump"] = json::object();
   EXPECT_TRUE(warns(good(plant.dump()), {"/templates/pump", "no device uses this template"}));
   plant["templates"]["pump"]["timeout"] = 5;
@@ -300,8 +293,7 @@ TEST(Templates, TheyDoNotNest) {
                {"belongs to the device that uses the template"});
 }
 
-TEST(Templates, WhatIsNoTemplateIsRefused) {
-  json plant = meters();
+TEST_F(TemplatesTest, WhatIsNoTemplateIsRefused) {
   plant["templates"] = json::array();
   plant["devices"] = json::array();
   expect_error(plant.dump(), "/templates", {"must be an object"});
@@ -345,8 +337,7 @@ TEST(Templates, TooManyAreRefused) {
   expect_error(plant.dump(), "/devices/0", {"would be larger than 64 MiB"});
 }
 
-TEST(Templates, AllowedAddressesCountAmongTheBytes) {
-  json plant = meters();
+TEST_F(TemplatesTest, AllowedAddressesCountAmongTheBytes) {
   json& allow = plant["templates"]["meter"]["commands"]["allow"];
   for (int coil = 0; coil < 65536; coil += 2) allow.push_back("co:" + std::to_string(coil));
   plant["devices"][0]["n"] = "1-10000";
@@ -354,8 +345,7 @@ TEST(Templates, AllowedAddressesCountAmongTheBytes) {
   expect_error(plant.dump(), "/devices/0", {"would be larger than 64 MiB"});
 }
 
-TEST(Templates, PlacesOfNCountAsLongAsTheNamesAre) {
-  json plant = meters();
+TEST_F(TemplatesTest, PlacesOfNCountAsLongAsTheNamesAre) {
   plant["templates"]["meter"].erase("commands");
   std::string places;
   for (int i = 0; i < 1000; ++i) places += "{n}";
@@ -373,8 +363,7 @@ TEST(Templates, TheNameNeedsN) {
                {"the name must contain {n}: 40 devices come from the entry at /devices/0"});
 }
 
-TEST(Templates, NThatIsNotGivenIsMissed) {
-  json plant = meters();
+TEST_F(TemplatesTest, NThatIsNotGivenIsMissed) {
   plant["devices"][0].erase("n");
   const auto errors = errors_of(plant.dump());
   ASSERT_EQ(errors.size(), 3U) << listed(errors);  // in allow, the name and the unit
@@ -382,8 +371,7 @@ TEST(Templates, NThatIsNotGivenIsMissed) {
   EXPECT_NE(errors[2].text.find("{n} has no value: the device has no \"n\""), std::string::npos);
 }
 
-TEST(Templates, ANameIsNoNumber) {
-  json plant = meters();
+TEST_F(TemplatesTest, ANameIsNoNumber) {
   plant["templates"]["meter"].erase("commands");
   plant["devices"][0]["n"] = {"north"};
   expect_error(plant.dump(), "/devices/0/unit",
@@ -398,22 +386,19 @@ TEST(Templates, KeysTwiceAndUnknownKeysAreFoundInBoth) {
   expect_error(with("/devices/0/colour", "1"), "/devices/0/colour", {"unknown key"});
 }
 
-TEST(Templates, OneDeviceNameFromTwoEntries) {
-  json plant = meters();
+TEST_F(TemplatesTest, OneDeviceNameFromTwoEntries) {
   plant["devices"].push_back(plant["devices"][0]);
   expect_error(plant.dump(), "/devices/1/name", {"is already used as a name at /devices/0/name"});
 }
 
-TEST(Templates, NoErrorTellsWhatTheEnvironmentHas) {
-  json plant = meters();
+TEST_F(TemplatesTest, NoErrorTellsWhatTheEnvironmentHas) {
   plant["templates"]["meter"]["tags"][0]["address"] = "${SECRET}{n}";
   const auto errors = errors_of(plant.dump(), environment({{"SECRET", "hunter2"}}));
   ASSERT_EQ(errors.size(), 1U) << listed(errors);
   EXPECT_EQ(errors[0].text.find("hunter2"), std::string::npos) << errors[0].text;
 }
 
-TEST(Templates, WarningsAreToldOnceToo) {
-  json plant = meters();
+TEST_F(TemplatesTest, WarningsAreToldOnceToo) {
   plant["templates"]["meter"]["tags"][0]["max"] = 99999;
   const Config config = good(plant.dump());
   ASSERT_EQ(config.warnings.size(), 1U);
