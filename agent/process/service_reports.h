@@ -68,7 +68,8 @@ class ServiceReports final {
   Heartbeats& signs_;
   const Sources sources_;
   const std::optional<std::chrono::nanoseconds> feed_every_;  ///< nullopt: no watchdog is set
-  Time feed_at_ = Time::max();
+
+  Time feed_at_ = Time::max();    ///< max: no watchdog is set
   Time status_at_ = Time::max();  ///< max: no service manager listens
   std::string stands_still_;      ///< as last reported; empty: none hangs
   std::string status_;            ///< as last sent

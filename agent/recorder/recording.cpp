@@ -104,9 +104,7 @@ std::optional<std::int64_t> us_from(std::string_view text) {
   return *ms * 1000 + *rest;
 }
 
-// ---- the lines of a recording. Each function adds one to `out` and returns the fault in it, or an
-// empty text
-
+/// Takes a line `device`. Returns the fault in it, or an empty text.
 std::string take_device(std::string_view line, Recording& out) {
   if (number_from<std::uint32_t>(next_word(line)) != out.devices.size())
     return "devices must be numbered 0, 1, 2 … in this order";
@@ -131,6 +129,7 @@ std::string take_device(std::string_view line, Recording& out) {
   return {};
 }
 
+/// Takes the line of a frame. Returns the fault in it, or an empty text.
 std::string take_frame(std::string_view line, Recording& out) {
   RecordedFrame frame;
   const auto at = us_from(next_word(line));
@@ -161,6 +160,7 @@ std::string take_frame(std::string_view line, Recording& out) {
 }
 
 /// Takes any line after the first.
+/// Takes any line after the first. Returns the fault in it, or an empty text.
 std::string take_line(std::string_view line, Recording& out) {
   if (line.empty() || line.front() == '#') return {};
   if (line.front() >= '0' && line.front() <= '9') return take_frame(line, out);

@@ -10,6 +10,7 @@
 
 #include "agent/cli/describe/topics.h"
 #include "agent/cli/exit_status.h"
+#include "agent/text/text.h"
 #include "agent/uplink/topics.h"
 
 namespace fxagent {
@@ -30,7 +31,6 @@ std::string_view user_fault(std::string_view name) {
   if (name.empty()) return "is empty";
   if (name.front() == ' ' || name.back() == ' ') return "begins or ends with a space";
   if (name.find(':') != name.npos) return "has a colon, which is not allowed in a password_file";
-  const auto is_control = [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7F; };
   if (std::ranges::any_of(name, is_control)) return "has control characters";
   return {};
 }

@@ -101,9 +101,9 @@ void warn_of_lines(ConfigReader& reader, const ConfigNode& links,
                    std::span<const SerialSettings> lines, const Config& config);
 
 /// Entry of the first device with a station or unit, by link and number.
-using Stations = std::map<std::pair<std::uint32_t, std::int64_t>, const ConfigNode*>;
+using FirstStations = std::map<std::pair<std::uint32_t, std::int64_t>, const ConfigNode*>;
 /// Adds the station or unit of the device. Warns if an earlier device on the link has it.
 void warn_of_station(ConfigReader& reader, const DeviceEntry& entry, const DeviceConfig& device,
-                     Stations& stations);
+                     FirstStations& stations);
 
 }  // namespace fxagent

@@ -100,7 +100,7 @@ void warn_of_lines(ConfigReader& reader, const ConfigNode& links,
 }
 
 void warn_of_station(ConfigReader& reader, const DeviceEntry& entry, const DeviceConfig& device,
-                     Stations& stations) {
+                     FirstStations& stations) {
   if (device.options == nullptr) return;
   for (const auto key : {"station"sv, "unit"sv}) {
     const auto* number = option<std::int64_t>(*device.options, key);

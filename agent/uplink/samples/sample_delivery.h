@@ -57,7 +57,8 @@ class SampleDelivery final : public Outgoing::Sender {
   void delivered(std::uint64_t id, SteadyTime now) override;
   void failed(const DeliveryFailed& event, SteadyTime now) override;
 
-  /// Adds all samples, by location.
+  /// Adds the samples by location, each once: a live one on disk counts as stored. Also adds those
+  /// recovered, and the sends.
   void add_to(SampleCounts& counts) const;
   /// Returns the bytes of the rows made since the last call.
   std::uint64_t take_row_bytes() { return std::exchange(row_bytes_, 0); }
@@ -68,7 +69,8 @@ class SampleDelivery final : public Outgoing::Sender {
   /// that is 1/100 of their shortest interval after the last samples, at most 5 ms; otherwise the
   /// time of the last samples.
   SteadyTime gather_until() const { return gather_until_; }
-  /// Returns the time by which settle() must run. history() has its own.
+  /// Returns the time by which settle(), or upkeep() for rows at the disk, must run. history() has
+  /// its own.
   SteadyTime next_wake(SteadyTime now) const;
 
   SampleSpool& spool() { return spool_; }
@@ -92,7 +94,7 @@ class SampleDelivery final : public Outgoing::Sender {
   Outgoing& outgoing_;
   RefusedDevices refused_;
   SampleSpool spool_;
-  SampleCounts counts_;  ///< only those published and acknowledged
+  SampleCounts counts_;  ///< only published (repeats too) and acknowledged; history_ adds to it
   HistoryDelivery history_;
   std::vector<std::string> meta_hashes_;  ///< by device; empty: not computed yet
 

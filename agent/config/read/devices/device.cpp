@@ -521,7 +521,7 @@ void DeviceReader::read_allow(const ConfigNode& list) {
 void read_devices(ConfigReader& reader, const ConfigNode& top, const ConfigNode& devices,
                   Links& links, Config& config) {
   NameTable names;
-  Stations stations;
+  FirstStations stations;
   SharedParts shared;
   Templates templates(reader, top);
   config.devices.reserve(devices.children.size());
