@@ -119,7 +119,7 @@ class PageData(PagePlant):
         self.assertEqual((later or {"devices": {}})["devices"], {})
 
 
-class Orders(PagePlant):
+class Commands(PagePlant):
     """Commands from the page: POST /api/command."""
 
     TOKEN = "0123456789abcdef"
@@ -355,12 +355,12 @@ class InChromium(Browser, PagePlant):
         self.assertEqual(self.do(axe=True), [])
         self.do(press="Escape")
         self.do(until="!document.querySelector('dialog')")
-        self.do(click="form.order button")
+        self.do(click="form.command button")
         self.do(fill="dialog input", text="wrong")
         self.do(click="dialog button.main", allowed=("401",))
         self.see("Authorization must be Bearer", allowed=("401",))
         self.assertEqual(self.sim.get("press1", "D110"), 0)
-        self.do(click="form.order button")
+        self.do(click="form.command button")
         self.do(fill="dialog input", text="0123456789abcdef")
         self.do(click="dialog button.main")
         self.see("SUCCEEDED")

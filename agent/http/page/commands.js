@@ -1,7 +1,7 @@
 // The newest commands, and a form that sends one.
 import {card, el, facts, field, show, state, table} from './dom.js';
 import {data} from './data.js';
-import {newId, order} from './order.js';
+import {newId, sendCommand} from './send_command.js';
 import {clock, ms, value} from './words.js';
 
 const KIND = {SUCCEEDED: 'ok', PARTIAL: 'warn', UNKNOWN_OUTCOME: 'warn', FAILED: 'bad', REJECTED: 'idle', EXPIRED: 'idle', DUPLICATE: 'idle'};
@@ -50,7 +50,7 @@ function commandForm() {
       outcome.replaceChildren(el('p', {class: 'soft'}, 'Sent. The result comes from the PLC.'));
     };
     try {
-      const result = await order(body, `${what} of ${device.value}?`, begins);
+      const result = await sendCommand(body, `${what} of ${device.value}?`, begins);
       if (!result) return;
       const target = result.targets?.[0] ?? result;
       outcome.replaceChildren(el('p', {}, state(KIND[result.status] ?? 'idle', result.status), ' ', says(result),
@@ -61,7 +61,7 @@ function commandForm() {
     button.disabled = false;
   }
 
-  return card(el('h2', {}, 'Send a command'), el('form', {class: 'order', onsubmit: submit}, field('device', device), field('operation', op), field('target', target),
+  return card(el('h2', {}, 'Send a command'), el('form', {class: 'command', onsubmit: submit}, field('device', device), field('operation', op), field('target', target),
     field('value', given), button), names, outcome);
 }
 

@@ -2,7 +2,7 @@
 import {el, facts, show, state, svg, table} from './dom.js';
 import {data, plan, want} from './data.js';
 import {trace} from './frames.js';
-import {newId, order} from './order.js';
+import {newId, sendCommand} from './send_command.js';
 import {clock, kindOf, ms, since} from './words.js';
 
 // A link is as good as its devices. Without any, its port counts.
@@ -76,7 +76,7 @@ function sharing(l) {
   const outcome = el('span', {role: 'status'});
   async function ask(command, question) {
     try {
-      const result = await order(JSON.stringify({device: link.name, id: newId(), ...command}), question);
+      const result = await sendCommand(JSON.stringify({device: link.name, id: newId(), ...command}), question);
       if (result) outcome.textContent = result.status === 'SUCCEEDED' ? '' : `${result.status} ${result.reason}: ${result.detail}`;
     } catch (fault) {
       outcome.textContent = fault.message;

@@ -24,7 +24,7 @@ function agreed(question) {
 }
 
 // Sends the command, a JSON text, if the user agrees. Returns its result, or null without a command. Throws if there is none.
-export async function order(body, question, begins = () => {}) {
+export async function sendCommand(body, question, begins = () => {}) {
   if (!await agreed(question)) return null;
   begins();
   return await send(body, token);
