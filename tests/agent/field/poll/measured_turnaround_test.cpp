@@ -1,4 +1,4 @@
-#include "agent/field/link/link_device.h"
+#include "agent/field/poll/measured_turnaround.h"
 
 #include <gtest/gtest.h>
 
