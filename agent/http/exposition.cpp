@@ -128,11 +128,13 @@ class Page final {
     made.label = std::move(labels);
     return made;
   }
+  void add(Labels labels, double value) {
+    ClientMetric& made = series(std::move(labels));
+    (family_.front().type == kCounter ? made.counter.value : made.gauge.value) = value;
+  }
   /// Does nothing without a value.
   void add(Labels labels, std::optional<double> value) {
-    if (!value) return;
-    ClientMetric& made = series(std::move(labels));
-    (family_.front().type == kCounter ? made.counter.value : made.gauge.value) = *value;
+    if (value) add(std::move(labels), *value);
   }
   void add(Labels labels, const DurationHistogram& durations) {
     ClientMetric& made = series(std::move(labels));

@@ -50,6 +50,7 @@ struct HttpLibrary {
     return {address};
   }
 
+  // Members are initialised in this order: each find() needs these two.
   void* library = ::dlopen(kLibrary, RTLD_NOW | RTLD_LOCAL);
   bool is_whole = library != nullptr;  ///< and so far it has every function
   decltype(&MHD_start_daemon) start_daemon = find("MHD_start_daemon");

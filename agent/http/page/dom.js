@@ -22,7 +22,8 @@ export function show(node, key, make) {
 
 export const state = (kind, word) => el('span', {class: `state ${kind}`}, word);
 
-// A row is a list of cells. A head is its text, or {name, is} with the class of the cells below it.
+// A row is a list of cells; a cell is a child or a list of them. A head is its text, or {name, is} with the classes of the cells
+// below it.
 export function table(heads, rows) {
   return el('div', {class: 'scroll', tabindex: 0, role: 'group', 'aria-label': 'table'}, el('table', {},
     el('thead', {}, el('tr', {}, heads.map((head) => el('th', {scope: 'col', class: head.is === 'number' && 'number'}, head.name ?? head)))),
