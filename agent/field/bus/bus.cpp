@@ -114,7 +114,7 @@ asio::awaitable<bool> Bus::prepare(Station& station, const Request& request, Exc
     if (!still_open) {
       failed.outcome = Exchange::Outcome::link_down;
       failed.error = wire_.channel().why_lost();
-      failed.ended = wire_.now();
+      failed.began = failed.ended = wire_.now();
       co_return false;
     }
   }

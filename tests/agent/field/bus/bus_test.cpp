@@ -719,6 +719,7 @@ TEST_F(BusTest, FloodWhileItListensClosesTheChannel) {
   EXPECT_EQ(read("D100").outcome, Outcome::unanswered);
   const Exchange flooded = read("D100");
   EXPECT_EQ(flooded.outcome, Outcome::link_down);
+  EXPECT_EQ(flooded.line_time(), nanoseconds(0));
   EXPECT_FALSE(bus->is_open());
   EXPECT_TRUE(bus->channel().never_silent());
 }
@@ -848,12 +849,13 @@ TEST_F(BusTest, LinkLostDuringTheEnquirySendsNothingElse) {
 }
 
 TEST_F(BusTest, LinkLostDuringTheDrainSendsNothing) {
-  wire->expect(kEnq).give(kAck).expect(kReadD100).silence().hang_up();
+  wire->expect(kEnq).give(kAck).expect(kReadD100).silence().later({0x55}).hang_up();
   open();
   EXPECT_EQ(read("D100").outcome, Outcome::unanswered);
   const Exchange exchange = write_d200();
   EXPECT_EQ(exchange.outcome, Outcome::link_down);
   EXPECT_FALSE(exchange.sent);
+  EXPECT_EQ(exchange.line_time(), nanoseconds(0)) << "nothing was sent";
 }
 
 TEST_F(BusTest, ClosingEndsAWaitingExchange) {

@@ -178,6 +178,17 @@ TEST_F(PortPolls, RunStateIsAskedAndTold) {
   EXPECT_EQ(newest[0].state, State::online);
 }
 
+TEST_F(PortPolls, ALinkLostWhileItListensAddsNoLoad) {
+  config.devices[0].groups[0].interval = hours(1);
+  config.devices[0].tags.clear();
+  script().expect(kEnq).give(kAck).expect(read_frame(kM8000, 1)).silence().later({0x55}).hang_up();
+  start();
+  poller->add_question(*devices[0]);
+  for (int i = 0; i < 30 && bus->is_open(); ++i) step();
+  EXPECT_FALSE(bus->is_open());
+  EXPECT_LT(scheduler.load(), 1.0);
+}
+
 TEST_F(PortPolls, NoDoubtedReadIsBelievedNotEvenThatWhichEndsTheDoubt) {
   script().expect(kEnq).give(kAck).expect(kReadD100).give(word_frame(7));
   wire->give(word_frame(99));
