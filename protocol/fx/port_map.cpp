@@ -72,8 +72,19 @@ const PortArea* find(PortMap map, Match match) {
 
 PortMap map_of(Model model, CommandSet set) {
   if (set == CommandSet::classic) return kClassic;
-  if (model == Model::fx1n || model == Model::fx2n) return kExtendedFx2n;
-  if (model >= Model::fx3s) return kExtendedFx3;
+  switch (model) {
+    case Model::fx1n:
+    case Model::fx2n:
+      return kExtendedFx2n;
+    case Model::fx3s:
+    case Model::fx3g:
+    case Model::fx3u:
+      return kExtendedFx3;
+    case Model::unknown:
+    case Model::fx0n:
+    case Model::fx1s:
+      break;
+  }
   return {};
 }
 
