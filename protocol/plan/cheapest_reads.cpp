@@ -192,7 +192,10 @@ Cost ReadSearch::price_of(std::size_t way, const Extent& extent) {
     // Measured with the shortest parts: a frame may have no room for two like this one.
     Read shortest = read;
     shortest.span.bits = by.unit_bits;
-    around = 2 * chars(Gather{{shortest}}) - chars(Gather{{shortest, shortest}});
+    const std::uint32_t two = chars(Gather{{shortest, shortest}});
+    // If even these do not fit, a part has the frame to itself and pays for all of it.
+    if (two == 0) return price = (cost_.per_char * chars(Gather{{read}})).count();
+    around = 2 * chars(Gather{{shortest}}) - two;
   }
   return price = (cost_.per_char * (chars(Gather{{read}}) - around)).count();
 }

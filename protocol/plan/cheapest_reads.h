@@ -64,7 +64,8 @@ void reduce(Bucket& bucket);
 using Cost = std::int64_t;
 inline constexpr Cost kImpossible = std::numeric_limits<Cost>::max();
 
-/// Price that the search adds to a part of a Gather, besides the part's own characters.
+/// What the search does with a part of a Gather: its price besides the part's own characters, and
+/// whether it is counted.
 struct PartPrice {
   bool open = false;  ///< false: no part uses this command
   Cost each = 0;

@@ -83,6 +83,7 @@ class GatherSearch final {
         const Read part{{bucket.space, first * way.align_bits, way.unit_bits}, way.way, way.gather};
         const LineLength one = codec_.line_length(Gather{{part}});
         const LineLength two = codec_.line_length(Gather{{part, part}});
+        if (two.planned_chars() == 0) continue;  // no frame has room for two
         return (cost_.of(one) - cost_.per_char * (two.planned_chars() - one.planned_chars()))
             .count();
       }

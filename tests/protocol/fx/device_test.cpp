@@ -18,12 +18,14 @@ Address address(std::string_view text, Model model = Model::fx3u,
 }
 
 std::string refusal(std::string_view text, Model model = Model::fx3u) {
+  SCOPED_TRACE(text);
   const Error error = error_of(parse_address(model, text, std::nullopt));
-  EXPECT_EQ(error.code, ErrorCode::bad_request) << text;
+  EXPECT_EQ(error.code, ErrorCode::bad_request);
   return error.text;
 }
 
 std::string range_refusal(std::string_view text, Model model = Model::fx3u) {
+  SCOPED_TRACE(text);
   return error_of(parse_range(model, text)).text;
 }
 

@@ -17,12 +17,14 @@ Address address(Model model, std::string_view text, std::optional<DataType> type
 }
 
 std::string refusal(Model model, std::string_view text, std::optional<DataType> type = {}) {
+  SCOPED_TRACE(text);
   const Error error = error_of(parse_address(model, text, type));
-  EXPECT_EQ(error.code, ErrorCode::bad_request) << text;
+  EXPECT_EQ(error.code, ErrorCode::bad_request);
   return error.text;
 }
 
 std::string range_refusal(std::string_view text, Model model = Model::fx5u) {
+  SCOPED_TRACE(text);
   return error_of(parse_range(model, text)).text;
 }
 

@@ -334,6 +334,7 @@ TEST(McMessages, ContactsAreNeverWrittenAsWords) {
 TEST(McMessages, InAsciiSomeDevicesOfAnFx5HaveNoCertainName) {
   const Mc mc = codec(Frame::e3, Model::fx5u, Code::ascii);
   const auto refused = [&](std::string_view text) {
+    SCOPED_TRACE(text);
     return error_of(mc.parse_address(text, std::nullopt)).text;
   };
   expect_says(refused("X10"), "use `code` binary");

@@ -35,6 +35,7 @@ Address address(std::string_view text, const Modbus& codec = unit()) {
 }
 
 std::string refusal(std::string_view text, const Modbus& codec = unit()) {
+  SCOPED_TRACE(text);
   return error_of(codec.parse_address(text, std::nullopt)).text;
 }
 
