@@ -20,7 +20,8 @@ inline CommandTarget target_of(std::string tag, std::optional<Value> value = std
 /// Admits a command that has just been received; a refusal ends the test.
 inline AdmittedCommand admitted(CommandAdmission& admission, Command command,
                                 const std::shared_ptr<const Codec>& codec) {
-  const SteadyTime now = command.received = std::chrono::steady_clock::now();
+  const SteadyTime now = std::chrono::steady_clock::now();
+  command.received = now;
   auto decision = admission.admit(std::move(command), codec, 0, now);
   if (const auto* refused = std::get_if<CommandResult>(&decision))
     throw std::runtime_error("refused: " + std::string(to_string(refused->reason)) + " " +

@@ -25,6 +25,7 @@ std::optional<PollScheduler::GroupId> poll(PollScheduler& scheduler, SteadyTime 
   return job.poll.group;
 }
 
+/// A scheduler without devices.
 struct PollSchedulerAlone : ::testing::Test {
   PollScheduler scheduler;
 };

@@ -12,7 +12,7 @@
 #include <asio/post.hpp>
 #include <filesystem>
 
-#include "tests/agent/field/transport/transport_test.h"
+#include "tests/agent/field/transport/blocking_transport.h"
 #include "tests/support/says.h"
 
 namespace fxagent::test {
@@ -66,8 +66,7 @@ struct SerialTransportTest : TransportTest {
   }
   std::unique_ptr<Transport> opened(const Pty& pty) {
     auto made = port(pty.path());
-    const auto opened = open(*made);
-    EXPECT_TRUE(opened) << opened.error().text;
+    open_well(*made);
     return made;
   }
 };

@@ -8,7 +8,7 @@
 #include <asio/write.hpp>
 
 #include "agent/field/transport/host_lookup.h"
-#include "tests/agent/field/transport/transport_test.h"
+#include "tests/agent/field/transport/blocking_transport.h"
 #include "tests/support/says.h"
 
 namespace fxagent::test {

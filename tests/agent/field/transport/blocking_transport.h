@@ -11,18 +11,26 @@
 
 namespace fxagent::test {
 
+/// An io_context, and the calls of a transport that end when it has answered.
 struct TransportTest : ::testing::Test {
+  /// Less than run_on() waits: a call that takes too long ends by itself.
+  static constexpr std::chrono::milliseconds kWithin = kLimit / 2;
+
   Result<void> open(Transport& transport) {
-    return run_on(io, transport.open(std::chrono::steady_clock::now() + kLimit));
+    return run_on(io, transport.open(std::chrono::steady_clock::now() + kWithin));
+  }
+  void open_well(Transport& transport) {
+    const auto opened = open(transport);
+    ASSERT_TRUE(opened) << opened.error().text;
   }
   Transport::Written write(Transport& transport, const std::string& text,
-                           std::chrono::milliseconds within = kLimit) {
+                           std::chrono::milliseconds within = kWithin) {
     const Bytes bytes(text.begin(), text.end());
     return run_on(io, transport.write(bytes, std::chrono::steady_clock::now() + within));
   }
   /// Returns the bytes that arrived, at most `room`; "timeout"; or "link_down" for any other error,
   /// whose text is then in `read_error`.
-  std::string read(Transport& transport, std::chrono::milliseconds within = kLimit,
+  std::string read(Transport& transport, std::chrono::milliseconds within = kWithin,
                    std::size_t room = 64) {
     Bytes into(room);
     const auto got =
