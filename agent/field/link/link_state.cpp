@@ -87,8 +87,47 @@ void log_state(const std::string& device, const DeviceStatus& status) {
                      {"note", status.reason_text}});
 }
 
+void log_up(const LinkConfig& link) { log::info("link", {{"link", link.name}, {"state", "up"}}); }
+
+/// True if the peer closed or refused the channel before any answer. That counts as a failed
+/// attempt.
+bool is_refused(const LinkParts& link) {
+  return !is_serial(link.config) && link.bus.channel().closed_unanswered() &&
+         is_asked(link.devices);
+}
+
+/// A device that has never answered is reported at once: its settings may be wrong, and on MC
+/// `retries` + 1 timeouts are 15 s.
+bool is_silent(const LinkParts& link, const LinkDevice& device) {
+  const bool never_answered = device.asked_in_vain && !device.state.has_answered();
+  return never_answered || link.scheduler.device(device.id).is_silent();
+}
+
+std::string why_silent(const LinkParts& link, const LinkDevice& device) {
+  const auto why = [&](Answers answers) {
+    return checklist_of(device.config, *device.codec, device.station.wiring, answers);
+  };
+  if (!device.gateway_says.empty())
+    return "\"" + device.gateway_says + "\": " + why(Answers::of_gateway);
+  if (device.state.has_answered()) return why(Answers::until_now);
+  const bool others_answer = std::ranges::any_of(
+      link.devices, [](const auto& other) { return other->state.has_answered(); });
+  return why(others_answer ? Answers::from_others : Answers::none);
+}
+
+/// Reads every group of the device at `from` or later, but at most every kAtOnceEvery. A device or
+/// link that comes and goes would otherwise occupy the line, or break it once more. Returns when
+/// the next device may begin.
+SteadyTime read_at_once(const LinkParts& link, LinkDevice& device, SteadyTime from) {
+  const bool is_planned = device.at_once_from - kAtOnceEvery > from;
+  if (is_planned) return from;
+  from = std::max(from, device.at_once_from);
+  device.at_once_from = from + kAtOnceEvery;
+  return link.scheduler.read_at_once(device.id, from);
+}
+
 /// Returns what the last unexpected bytes look like; empty: unknown.
-std::string what_nobody_asked_for(const LinkDevices& devices, const Bus& bus) {
+std::string look_of_unexpected(const LinkDevices& devices, const Bus& bus) {
   if (devices.empty()) return {};
   const LinkDevice& device = *devices.front();
   const UnexpectedBytes guess =
@@ -97,6 +136,40 @@ std::string what_nobody_asked_for(const LinkDevices& devices, const Bus& bus) {
 }
 
 }  // namespace
+
+void BusLog::log_news() {
+  if (link_.bus.echo_found() && !echo_logged_) {
+    echo_logged_ = true;
+    log::warn("link", {{"link", link_.config.name},
+                       {"echo", "found"},
+                       {"note",
+                        "set echo for its devices: until three reads have shown the echo, the echo "
+                        "of a command may pass for its answer"}});
+  }
+  if (!unexpected_logged_ && !link_.bus.last_unexpected().empty()) {
+    unexpected_logged_ = true;
+    log::warn("link", {{"link", link_.config.name},
+                       {"unexpected", first_bytes(link_.bus.last_unexpected())},
+                       {"note", "unexpected bytes; health counts them from now on" +
+                                    look_of_unexpected(link_.devices, link_.bus)}});
+  }
+  const bool doubted = link_.bus.doubt().is_doubted();
+  if (doubted == doubt_logged_) return;
+  const auto now = Clock::now();
+  if (doubted && doubt_logged_at_ && now - *doubt_logged_at_ < kDoubtLoggedEvery) return;
+  doubt_logged_ = doubted;
+  if (doubted) {
+    doubt_logged_at_ = now;
+    log::warn("link", {{"link", link_.config.name},
+                       {"state", "doubted"},
+                       {"unexpected", first_bytes(link_.bus.last_unexpected())},
+                       {"note",
+                        "another master, or late answers? Until several exchanges in a row are "
+                        "clean, values are bad_frame and no ACK counts"}});
+  } else {
+    log::info("link", {{"link", link_.config.name}, {"state", "believed again"}});
+  }
+}
 
 LinkState::LinkState(const LinkParts& link, std::size_t links)
     : link_(link),
@@ -115,53 +188,27 @@ void LinkState::opened() {
   // has answered.
   if (!link_.bus.channel().never_silent() && !was_refused_) reconnect_policy_.opened();
   was_open_ = true;
-  if (!is_vain_) log_up_once();
+  if (!is_vain_) {
+    logged_up_ = true;
+    log_up(link_.config);
+  }
   SteadyTime from = Clock::now();
   for (const auto& device : link_.devices) {
-    if (was_down_) from = read_at_once(*device, from);
+    if (was_down_) from = read_at_once(link_, *device, from);
     if (device->codec->is_broadcast()) update(*device);  // it has no answers that would do this
   }
 }
 
-void LinkState::log_up_once() {
-  logged_up_ = true;
-  log::info("link", {{"link", link_.config.name}, {"state", "up"}});
-}
-
-bool LinkState::is_refused() const {
-  return !is_serial(link_.config) && link_.bus.channel().closed_unanswered() &&
-         is_asked(link_.devices);
-}
-
-/// A device that has never answered is reported at once: its settings may be wrong, and on MC
-/// `retries` + 1 timeouts are 15 s.
-bool LinkState::is_silent(const LinkDevice& device) const {
-  const bool never_answered = device.asked_in_vain && !device.state.has_answered();
-  return never_answered || link_.scheduler.device(device.id).is_silent();
-}
-
-std::string LinkState::why_silent(const LinkDevice& device) const {
-  const auto why = [&](Answers answers) {
-    return checklist_of(device.config, *device.codec, device.station.wiring, answers);
-  };
-  if (!device.gateway_says.empty())
-    return "\"" + device.gateway_says + "\": " + why(Answers::of_gateway);
-  if (device.state.has_answered()) return why(Answers::until_now);
-  const bool others_answer = std::ranges::any_of(
-      link_.devices, [](const auto& other) { return other->state.has_answered(); });
-  return why(others_answer ? Answers::from_others : Answers::none);
-}
-
 void LinkState::open_failed(const std::string& why) {
   next_open_ = Clock::now() +
-               reconnect_policy_.after_failure(is_refused() ? kAfterRefusal : milliseconds(0));
+               reconnect_policy_.after_failure(is_refused(link_) ? kAfterRefusal : milliseconds(0));
   was_open_ = false;  // it may have been closed after a silence
   lost(why);
 }
 
 void LinkState::lost(const std::string& why) {
   is_left_ = false;
-  was_refused_ = is_refused();
+  was_refused_ = is_refused(link_);
   if (was_open_ && was_refused_)
     next_open_ = Clock::now() + reconnect_policy_.after_failure(kAfterRefusal);
   else if (was_open_)
@@ -220,46 +267,14 @@ void LinkState::check_bus() {
     next_open_ = Clock::now();
   else if (!link_.bus.is_open() && was_open_)
     lost(link_.bus.channel().why_lost());
-  log_findings();
-}
-
-void LinkState::log_findings() {
-  if (link_.bus.echo_found() && !echo_logged_) {
-    echo_logged_ = true;
-    log::warn("link", {{"link", link_.config.name},
-                       {"echo", "found"},
-                       {"note",
-                        "set echo for its devices: until three reads have shown the echo, the echo "
-                        "of a command may pass for its answer"}});
-  }
-  if (!unexpected_logged_ && !link_.bus.last_unexpected().empty()) {
-    unexpected_logged_ = true;
-    log::warn("link", {{"link", link_.config.name},
-                       {"unexpected", first_bytes(link_.bus.last_unexpected())},
-                       {"note", "unexpected bytes; health counts them from now on" +
-                                    what_nobody_asked_for(link_.devices, link_.bus)}});
-  }
-  const bool doubted = link_.bus.doubt().is_doubted();
-  if (doubted == doubt_logged_) return;
-  const auto now = Clock::now();
-  if (doubted && doubt_logged_at_ && now - *doubt_logged_at_ < kDoubtLoggedEvery) return;
-  doubt_logged_ = doubted;
-  if (doubted) {
-    doubt_logged_at_ = now;
-    log::warn("link", {{"link", link_.config.name},
-                       {"state", "doubted"},
-                       {"unexpected", first_bytes(link_.bus.last_unexpected())},
-                       {"note",
-                        "another master, or late answers? Until several exchanges in a row are "
-                        "clean, values are bad_frame and no ACK counts"}});
-  } else {
-    log::info("link", {{"link", link_.config.name}, {"state", "believed again"}});
-  }
 }
 
 void LinkState::answered(LinkDevice& device) {
   unanswered_in_a_row_ = 0;
-  if (std::exchange(is_vain_, false) && was_open_) log_up_once();
+  if (std::exchange(is_vain_, false) && was_open_) {
+    logged_up_ = true;
+    log_up(link_.config);
+  }
   if (!link_.bus.channel().never_silent()) reconnect_policy_.opened();
   device.state.answered();
   device.asked_in_vain = false;
@@ -268,18 +283,7 @@ void LinkState::answered(LinkDevice& device) {
   const bool is_back = polled.is_silent();
   polled.answered();
   if (!is_back) return;
-  read_at_once(device, Clock::now());
-}
-
-/// Reads every group of the device at `from` or later, but at most every kAtOnceEvery. A device or
-/// link that comes and goes would otherwise occupy the line, or break it once more. Returns when
-/// the next device may begin.
-SteadyTime LinkState::read_at_once(LinkDevice& device, SteadyTime from) {
-  const bool is_planned = device.at_once_from - kAtOnceEvery > from;
-  if (is_planned) return from;
-  from = std::max(from, device.at_once_from);
-  device.at_once_from = from + kAtOnceEvery;
-  return link_.scheduler.read_at_once(device.id, from);
+  read_at_once(link_, device, Clock::now());
 }
 
 void LinkState::unreachable(LinkDevice& device, const std::string& reason) {
@@ -309,14 +313,14 @@ void LinkState::unanswered(LinkDevice& device, PolledDevice::AskedBy by) {
 void LinkState::update(LinkDevice& device) {
   DeviceState::Facts facts;
   facts.yielded = yielded_;
-  facts.silent = is_silent(device);
+  facts.silent = is_silent(link_, device);
   const bool opens_again = was_open_ && link_.bus.channel().closed_after_silence();
   facts.bus_open = link_.bus.is_open() || opens_again || (is_left_ && facts.silent);
   facts.never_silent = link_.bus.channel().never_silent();
   if (!facts.bus_open)
     facts.why_offline = why_down_text_;
   else if (facts.silent)
-    facts.why_offline = why_silent(device);
+    facts.why_offline = why_silent(link_, device);
   for (const auto& group : device.groups) {
     const auto bad = group->cycle.first_bad();
     if (!bad) continue;

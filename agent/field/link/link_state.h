@@ -1,6 +1,6 @@
 // Tracks whether a link is up, when it is opened next, and which devices answer. Logs changes and
-// publishes the states of the devices. Polls and commands report here how each exchange went. Field
-// thread.
+// publishes the states of the devices. Polls and commands report here how each exchange went.
+// BusLog logs what the bus has found. Field thread.
 #pragma once
 
 #include <chrono>
@@ -15,6 +15,23 @@
 #include "agent/steady_time.h"
 
 namespace fxagent {
+
+/// Logs what the bus of a link has found besides answers: an echo, unexpected bytes, a doubt.
+class BusLog final {
+ public:
+  explicit BusLog(const LinkParts& link) : link_(link) {}
+
+  /// Logs what is new since the last call: an echo and unexpected bytes once, the beginning and end
+  /// of a doubt at most once a minute.
+  void log_news();
+
+ private:
+  const LinkParts link_;
+  bool echo_logged_ = false;
+  bool unexpected_logged_ = false;
+  bool doubt_logged_ = false;
+  std::optional<SteadyTime> doubt_logged_at_;
+};
 
 class LinkState final {
  public:
@@ -35,8 +52,8 @@ class LinkState final {
   /// attempt; if the peer closed the bus before its first answer, the delay is that of a failed
   /// attempt.
   void lost(const std::string& why);
-  /// Handles a loss that the bus has noticed, and logs what else it has found. If the bus was
-  /// closed after a silence, this is not a loss, and it is reopened at once.
+  /// Handles a loss that the bus has noticed. If the bus was closed after a silence, this is not a
+  /// loss, and it is reopened at once.
   void check_bus();
 
   /// Records that the bus was closed for another program. `text` says until when. What follows is
@@ -68,17 +85,7 @@ class LinkState final {
   Reason why_stopping() const { return why_stopping_; }
 
  private:
-  /// True if the peer closed or refused the channel before any answer. That counts as a failed
-  /// attempt.
-  bool is_refused() const;
-  bool is_silent(const LinkDevice& device) const;
-  std::string why_silent(const LinkDevice& device) const;
-  void log_up_once();
   void go_down(std::string why, std::string_view note);
-  SteadyTime read_at_once(LinkDevice& device, SteadyTime from);
-  /// Logs what the bus has found besides answers, if it is new: an echo and unexpected bytes once,
-  /// the beginning and end of a doubt at most once a minute.
-  void log_findings();
 
   const LinkParts link_;
   const std::size_t links_;
@@ -99,10 +106,6 @@ class LinkState final {
   int unanswered_in_a_row_ = 0;
   std::string yielded_;                 ///< empty: the port is ours
   Reason why_stopping_ = Reason::none;  ///< none: not stopping
-  bool echo_logged_ = false;
-  bool unexpected_logged_ = false;
-  bool doubt_logged_ = false;
-  std::optional<SteadyTime> doubt_logged_at_;
 };
 
 }  // namespace fxagent

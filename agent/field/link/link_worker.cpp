@@ -192,6 +192,7 @@ asio::awaitable<void> LinkWorker::serve() {
       continue;
     }
     state_.check_bus();
+    bus_log_.log_news();
     recorder_.check_link(bus_.counters().bad_frames, state_.is_up(), state_.why_down());
     const auto now = Clock::now();
     if (!bus_.is_open() && now >= state_.next_open()) {

@@ -119,6 +119,7 @@ class LinkWorker final {
   LinkDevices devices_;
   const LinkParts parts_{config_, link_, bus_, scheduler_, devices_, outbox_};
   LinkState state_;
+  BusLog bus_log_{parts_};
   Poller poller_;
   LinkCommands commands_;
   asio::steady_timer idle_;
