@@ -67,9 +67,9 @@ int wait_for_stop(StopWatchdog& watchdog, ServiceReports& reports) {
 /// advance. Without them the agent neither sends nor receives, and only a new process gets new
 /// threads.
 void report_alive(ThreadProgress& library, Heartbeats& signs) {
-  const bool was_well = library.stands_still().empty();
+  const bool was_well = library.hanging_thread().empty();
   library.check(std::chrono::steady_clock::now(), paho_looks_up_host());
-  const std::string& stuck = library.stands_still();
+  const std::string& stuck = library.hanging_thread();
   if (stuck.empty()) return signs.uplink_went_on();
   if (was_well)
     log::error("watchdog", {{"stands_still", "uplink"},
@@ -186,7 +186,7 @@ std::uint64_t stand_by(PairMember& pair, const std::function<void()>& hangup) {
 void run_agent(Config config, const std::string& path, RemoteConfig& remote, StopWatchdog& watchdog,
                const std::vector<std::uint32_t>& traced) {
   raise_file_limit(kFilesNotForLinks);
-  say_where_files_are_too_few(files_needed(config));
+  check_file_limit(files_needed(config));
   const auto served_at = config.http;
   auto in_force = std::make_shared<const Config>(config);
   std::random_device random;

@@ -284,7 +284,7 @@ bool Reload::apply(Config config) {
   log::info(
       "config",
       {{"state", "applied"}, {"hash", status_.hash}, {"took_ms", std::to_string(took.count())}});
-  say_where_files_are_too_few(files_needed(*running_));
+  check_file_limit(files_needed(*running_));
   return true;
 }
 

@@ -7,7 +7,7 @@
 
 namespace fxagent {
 
-std::string Heartbeats::stands_still() {
+std::string Heartbeats::hanging_threads() {
   constexpr std::array<const char*, kThreadCount> kNames{"field", "uplink", "pair"};  // as Thread
   std::array<std::uint64_t, kThreadCount> now{};
   std::string who;
@@ -37,22 +37,22 @@ void ServiceReports::keep(Time now) {
 
 void ServiceReports::feed(Time now) {
   feed_at_ = now + *feed_every_;
-  const std::string stands_still = signs_.stands_still();
-  if (stands_still.empty()) {
+  const std::string hanging = signs_.hanging_threads();
+  if (hanging.empty()) {
     service_manager::notify_alive();
-  } else if (stands_still != stands_still_) {
-    log::error("watchdog", {{"stands_still", stands_still}});
+  } else if (hanging != hanging_threads_) {
+    log::error("watchdog", {{"stands_still", hanging}});
     status_at_ = now;
   }
-  stands_still_ = stands_still;
+  hanging_threads_ = hanging;
   sources_.ask();
 }
 
 void ServiceReports::notify_status(Time now) {
   status_at_ = now + kStatusEvery;
-  std::string status = stands_still_.empty()
+  std::string status = hanging_threads_.empty()
                            ? sources_.status()
-                           : stands_still_ + " hangs: systemd must restart the agent";
+                           : hanging_threads_ + " hangs: systemd must restart the agent";
   // A repetition is needed because other parts send a status too, such as the outcome of a reload.
   if (status.empty() || (status == status_ && now < sent_at_ + kSameStatusEvery)) return;
   service_manager::notify_status(status);

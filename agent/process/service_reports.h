@@ -26,7 +26,7 @@ class Heartbeats final {
 
   /// Returns the threads without a sign since the last empty result: for example "field
   /// and uplink"; empty: none. Call on one thread.
-  std::string stands_still();
+  std::string hanging_threads();
 
  private:
   enum Thread : std::uint8_t { kFieldThread, kUplinkThread, kPairThread, kThreadCount };
@@ -71,7 +71,7 @@ class ServiceReports final {
 
   Time feed_at_ = Time::max();    ///< max: no watchdog is set
   Time status_at_ = Time::max();  ///< max: no service manager listens
-  std::string stands_still_;      ///< as last reported; empty: none hangs
+  std::string hanging_threads_;   ///< as last reported; empty: none hangs
   std::string status_;            ///< as last sent
   Time sent_at_{};                ///< time of the last send
 };

@@ -117,7 +117,7 @@ void raise_file_limit(std::size_t least) {
                            "; raise the hard limit (LimitNOFILE of the service, ulimit -Hn)");
 }
 
-void say_where_files_are_too_few(std::size_t needed) {
+void check_file_limit(std::size_t needed) {
   rlimit limit{};
   if (getrlimit(RLIMIT_NOFILE, &limit) != 0 || limit.rlim_max == RLIM_INFINITY ||
       limit.rlim_max >= static_cast<rlim_t>(needed))

@@ -38,7 +38,7 @@ void raise_file_limit(std::size_t least);
 
 /// Logs an error if fewer than `needed` open files are allowed, with the cure. Links beyond the
 /// limit stay down, and each reports only its own failure. Call once per config.
-void say_where_files_are_too_few(std::size_t needed);
+void check_file_limit(std::size_t needed);
 
 // ---- restart
 

@@ -45,7 +45,7 @@ std::optional<Thread> thread_at(const std::filesystem::path& task, std::string_v
 void ThreadProgress::check(Time now, bool excused) {
   if (now < check_at_) return;
   check_at_ = now + kBetweenChecks;
-  stands_still_.clear();
+  hanging_thread_.clear();
   const auto before = std::exchange(seen_, {});
   std::error_code fault;
   const std::filesystem::directory_iterator tasks("/proc/self/task", fault);
@@ -58,7 +58,7 @@ void ThreadProgress::check(Time now, bool excused) {
     const auto known = before.find(id);
     if (known != before.end() && known->second.switches == seen.switches)
       seen.checks = known->second.checks + 1;
-    if (seen.checks >= kChecks) stands_still_ = thread->name;
+    if (seen.checks >= kChecks) hanging_thread_ = thread->name;
     seen_.emplace(id, seen);
   }
 }

@@ -26,7 +26,7 @@ class ThreadProgress final {
   /// and their counts begin again.
   void check(Time now, bool excused);
   /// The name of a thread that hangs; empty: none does, or it is not known.
-  const std::string& stands_still() const { return stands_still_; }
+  const std::string& hanging_thread() const { return hanging_thread_; }
 
  private:
   struct Seen {
@@ -37,7 +37,7 @@ class ThreadProgress final {
   std::string prefix_;
   std::map<int, Seen> seen_;  ///< by thread id
   Time check_at_{};
-  std::string stands_still_;
+  std::string hanging_thread_;
 };
 
 }  // namespace fxagent

@@ -105,12 +105,12 @@ asio::awaitable<bool> Bus::prepare(Station& station, const Request& request, Exc
             : std::max<nanoseconds>(kQuietBeforeResync, wire_.char_time() * kQuietCharacters);
     // Silence that followed the last answer counts and is not repeated.
     const bool is_owed = overheard_.late().owed() != LateAnswers::Owed::none;
-    const bool heard_out = !is_owed && wire_.now() - overheard_.last_heard() >= quiet;
+    const bool is_quiet = !is_owed && wire_.now() - overheard_.last_received() >= quiet;
     // Only silence can rule out a late answer, unless the enquiry settles it.
     const SteadyTime until =
         is_owed && !enquiry_settles(station) ? overheard_.late().over_at() : wire_.now();
     bool still_open = true;
-    if (!heard_out) still_open = co_await wire_.drain(codec, until, quiet);
+    if (!is_quiet) still_open = co_await wire_.drain(codec, until, quiet);
     if (!still_open) {
       failed.outcome = Exchange::Outcome::link_down;
       failed.error = wire_.channel().why_lost();

@@ -23,45 +23,45 @@ constexpr std::string_view kNeverSilent =
 
 }  // namespace
 
-asio::awaitable<Channel::Heard> Channel::open(nanoseconds listening) {
+asio::awaitable<Channel::Received> Channel::open(nanoseconds listening) {
   answered_ = closed_unanswered_ = closed_after_silence_ = false;
   why_lost_ = "the line was lost";
   const auto opened = co_await transport_->open(transport_->now() + kOpenTimeout);
-  Heard heard;
+  Received received;
   if (!opened) {
-    heard.error = opened.error();
-    co_return heard;
+    received.error = opened.error();
+    co_return received;
   }
   ++session_;
   // Answers to another port do not reach this one.
-  if (transport_->can_renew()) co_return heard;
+  if (transport_->can_renew()) co_return received;
   // A serial server delivers a late answer to the current connection. A PLC on a serial port
   // answers whichever program has it open. An earlier program may have sent its last request just
   // now.
-  heard = co_await listen(transport_->now() + listening, kQuietAfterOpen);
-  co_return heard;
+  received = co_await listen(transport_->now() + listening, kQuietAfterOpen);
+  co_return received;
 }
 
-asio::awaitable<Channel::Heard> Channel::listen(SteadyTime until, nanoseconds quiet) {
+asio::awaitable<Channel::Received> Channel::listen(SteadyTime until, nanoseconds quiet) {
   const auto now = [this] { return transport_->now(); };
   const auto give_up = std::max(until, now() + quiet) + kLongestDrain;
   std::uint8_t chunk[kReadChunk];
-  Heard heard;
+  Received received;
   for (;;) {
     const auto got = co_await transport_->read_some(chunk, std::max(until, now() + quiet));
-    if (!got && got.error().code == ErrorCode::timeout) co_return heard;
+    if (!got && got.error().code == ErrorCode::timeout) co_return received;
     if (!got) {
       lose(got.error().text);
-      heard.error = got.error();
-      co_return heard;
+      received.error = got.error();
+      co_return received;
     }
-    heard.total += *got;
-    if (heard.bytes.size() < Overheard::kMostJudged)
-      heard.bytes.insert(heard.bytes.end(), chunk, chunk + *got);
-    if (heard.total < kMostDrained && now() < give_up) continue;
+    received.total += *got;
+    if (received.bytes.size() < Overheard::kMostJudged)
+      received.bytes.insert(received.bytes.end(), chunk, chunk + *got);
+    if (received.total < kMostDrained && now() < give_up) continue;
     close_never_silent();
-    heard.error = Error{ErrorCode::link_down, why_lost_};
-    co_return heard;
+    received.error = Error{ErrorCode::link_down, why_lost_};
+    co_return received;
   }
 }
 

@@ -20,7 +20,7 @@ namespace fxagent {
 class Channel final {
  public:
   /// Bytes received while waiting for the line to fall quiet.
-  struct Heard {
+  struct Received {
     Bytes bytes;                   ///< the first of them: Overheard::kMostJudged or a few more
     std::size_t total = 0;         ///< number of bytes received
     std::optional<Error> error{};  ///< set if the channel did not open or is closed
@@ -34,11 +34,11 @@ class Channel final {
   /// Opens the channel. Then listens for `listening`, and until the line is quiet: an answer to an
   /// earlier session or to a dead agent may still be on its way. Does not listen on UDP with a port
   /// for each request. Error: link_down, also if the line does not fall quiet; see never_silent().
-  asio::awaitable<Heard> open(std::chrono::nanoseconds listening);
+  asio::awaitable<Received> open(std::chrono::nanoseconds listening);
   bool is_open() const { return transport_->is_open(); }
   /// Listens until `until` and until nothing has come for `quiet`. Closes the channel if that takes
   /// 3 s longer, or after kMostDrained bytes.
-  asio::awaitable<Heard> listen(SteadyTime until, std::chrono::nanoseconds quiet);
+  asio::awaitable<Received> listen(SteadyTime until, std::chrono::nanoseconds quiet);
 
   // Each closes the channel.
   void close() noexcept { transport_->close(); }

@@ -33,8 +33,8 @@ struct Exchange {
   std::int64_t ended_ms = 0;               ///< the same, UTC
   std::chrono::nanoseconds rest{0};        ///< silence required before it
   std::chrono::nanoseconds turnaround{0};  ///< answered: time beyond that of the characters
-  Bytes heard;                             ///< unanswered or garbled: bytes in place of an answer
-  Bytes asked;                             ///< request frame that `heard` came after
+  Bytes received;                          ///< unanswered or garbled: bytes in place of an answer
+  Bytes asked;                             ///< request frame that `received` came after
 
   /// Returns an exchange that ended before anything was sent.
   static Exchange unsent(Outcome how, std::string why) {

@@ -49,7 +49,7 @@ bool Echo::may_be(ByteView bytes) const {
 }
 
 std::size_t Overheard::judge(const Codec& codec, ByteView bytes, SteadyTime now) {
-  last_heard_ = now;
+  last_received_ = now;
   if (echo_.may_be(bytes)) return 0;
   const ByteView shown = bytes.first(std::min(bytes.size(), kMostJudged));
   keep(shown);
@@ -67,8 +67,8 @@ std::size_t Overheard::judge(const Codec& codec, ByteView bytes, SteadyTime now)
 }
 
 bool Overheard::is_out_of_step(const Codec& codec, const Exchange& exchange) const {
-  return !exchange.has_answer() && !exchange.heard.empty() && !tells_answers_apart(codec) &&
-         !echo_.may_be(exchange.heard) && codec.explain(exchange.heard, Direction::reply).ok;
+  return !exchange.has_answer() && !exchange.received.empty() && !tells_answers_apart(codec) &&
+         !echo_.may_be(exchange.received) && codec.explain(exchange.received, Direction::reply).ok;
 }
 
 void Overheard::keep(ByteView bytes) {

@@ -162,9 +162,9 @@ class Overheard final {
   /// Start of the last unexpected bytes, at most 64 of them; empty if there were none.
   const Bytes& last_unexpected() const { return last_unexpected_; }
 
-  void heard(SteadyTime now) { last_heard_ = now; }
+  void received(SteadyTime now) { last_received_ = now; }
   /// Time of the last byte that came.
-  SteadyTime last_heard() const { return last_heard_; }
+  SteadyTime last_received() const { return last_received_; }
 
   BusDoubt& doubt() { return doubt_; }
   const BusDoubt& doubt() const { return doubt_; }
@@ -178,7 +178,7 @@ class Overheard final {
   LateAnswers late_;
   Echo echo_;
   Bytes last_unexpected_;
-  SteadyTime last_heard_{};
+  SteadyTime last_received_{};
 };
 
 }  // namespace fxagent

@@ -64,8 +64,8 @@ std::optional<UnexpectedBytes> other_settings(const DeviceConfig& device,
 }
 
 std::optional<UnexpectedBytes> own_frame(const DeviceConfig& device, const Codec& codec,
-                                         ByteView heard) {
-  const Explanation frame = codec.explain(heard, std::nullopt);
+                                         ByteView received) {
+  const Explanation frame = codec.explain(received, std::nullopt);
   if (!frame.ok) return std::nullopt;
   if (auto other = other_settings(device, frame)) return other;
   if (frame.direction == Direction::request && !frame.ambiguous)
@@ -80,13 +80,13 @@ std::optional<UnexpectedBytes> own_frame(const DeviceConfig& device, const Codec
 
 /// The bytes may be a valid frame of several protocols. A frame that names its station is
 /// preferred: more of it must be right.
-std::optional<UnexpectedBytes> frame_of_another(const DeviceConfig& device, ByteView heard) {
+std::optional<UnexpectedBytes> frame_of_another(const DeviceConfig& device, ByteView received) {
   std::optional<UnexpectedBytes> found;
   for (const ProtocolInfo& other : catalog()) {
     if (device.protocol == nullptr || other.name == device.protocol->name) continue;
     const auto codec = other.make(default_options(other));
     if (!codec) continue;
-    const Explanation frame = (*codec)->explain(heard, std::nullopt);
+    const Explanation frame = (*codec)->explain(received, std::nullopt);
     const std::string of = whose(frame);
     if (!frame.ok || (found && of.empty())) continue;
     found =
@@ -107,18 +107,18 @@ std::string protocols_of(std::uint8_t first) {
 }
 
 /// Recognises the beginning of a truncated or garbled frame.
-std::optional<UnexpectedBytes> beginning_of_another(const DeviceConfig& device, ByteView heard) {
-  if (device.protocol == nullptr || heard.size() <= kFewBytes) return std::nullopt;
-  if (heard[0] == device.protocol->text_begins_with) return std::nullopt;
-  const ByteView behind = heard.subspan(1);
+std::optional<UnexpectedBytes> beginning_of_another(const DeviceConfig& device, ByteView received) {
+  if (device.protocol == nullptr || received.size() <= kFewBytes) return std::nullopt;
+  if (received[0] == device.protocol->text_begins_with) return std::nullopt;
+  const ByteView behind = received.subspan(1);
   const bool is_ascii =
-      heard[0] == ':' && std::ranges::all_of(behind, [](std::uint8_t byte) {
+      received[0] == ':' && std::ranges::all_of(behind, [](std::uint8_t byte) {
         return hex_digit(byte) >= 0 || byte == '\r' || byte == '\n' || byte == ':';
       });
   if (is_ascii)
     return UnexpectedBytes{Cause::other_protocol,
                            "a colon and hex digits: set protocol to " + protocols_of(':')};
-  if (heard[0] == kStx && std::ranges::all_of(behind, is_text))
+  if (received[0] == kStx && std::ranges::all_of(behind, is_text))
     return UnexpectedBytes{Cause::other_protocol,
                            "STX and text: set protocol to the PLC's, one of " + protocols_of(kStx)};
   return std::nullopt;
@@ -127,12 +127,12 @@ std::optional<UnexpectedBytes> beginning_of_another(const DeviceConfig& device, 
 // ---- characters ---------------------------------------------------------------------------------
 
 /// A line without parity receives the sender's parity bit as bit 7.
-std::optional<UnexpectedBytes> parity_in_bit_7(ByteView heard) {
-  const bool has_bit_7 = std::ranges::any_of(heard, [](std::uint8_t b) { return b > 0x7F; });
+std::optional<UnexpectedBytes> parity_in_bit_7(ByteView received) {
+  const bool has_bit_7 = std::ranges::any_of(received, [](std::uint8_t b) { return b > 0x7F; });
   const bool is_text_below =
-      std::ranges::all_of(heard, [](std::uint8_t b) { return is_text(b & 0x7F); });
-  const bool even = std::ranges::all_of(heard, is_even);
-  const bool odd = std::ranges::none_of(heard, is_even);
+      std::ranges::all_of(received, [](std::uint8_t b) { return is_text(b & 0x7F); });
+  const bool even = std::ranges::all_of(received, is_even);
+  const bool odd = std::ranges::none_of(received, is_even);
   if (!has_bit_7 || !is_text_below || (!even && !odd)) return std::nullopt;
   return UnexpectedBytes{Cause::parity, std::string("7 bits with ") + (even ? "even" : "odd") +
                                             " parity in bit 7: set data_bits to 7 and parity to " +
@@ -141,10 +141,11 @@ std::optional<UnexpectedBytes> parity_in_bit_7(ByteView heard) {
 }
 
 /// A line with parity delivers a character of wrong parity as 00.
-std::optional<UnexpectedBytes> zeros_among_text(ByteView heard) {
-  const auto zeros = std::ranges::count(heard, 0);
-  const auto good = std::ranges::count_if(heard, is_text);
-  if (zeros == 0 || good == 0 || zeros + good != std::ssize(heard) || 4 * good < std::ssize(heard))
+std::optional<UnexpectedBytes> zeros_among_text(ByteView received) {
+  const auto zeros = std::ranges::count(received, 0);
+  const auto good = std::ranges::count_if(received, is_text);
+  if (zeros == 0 || good == 0 || zeros + good != std::ssize(received) ||
+      4 * good < std::ssize(received))
     return std::nullopt;
   return UnexpectedBytes{Cause::parity,
                          "text with 00 for each character of wrong parity: set parity and "
@@ -152,9 +153,9 @@ std::optional<UnexpectedBytes> zeros_among_text(ByteView heard) {
 }
 
 /// Recognises a sender that is slower than the line: each of its bits is received several times.
-std::optional<UnexpectedBytes> bits_in_groups(ByteView heard) {
-  if (heard.size() < kFewBytes) return std::nullopt;
-  if (std::ranges::count(heard, 0) == std::ssize(heard))
+std::optional<UnexpectedBytes> bits_in_groups(ByteView received) {
+  if (received.size() < kFewBytes) return std::nullopt;
+  if (std::ranges::count(received, 0) == std::ssize(received))
     return UnexpectedBytes{Cause::speed,
                            "only characters with errors, which arrive as 00: compare baud with the "
                            "device's, then parity (odd?)"};
@@ -165,17 +166,17 @@ std::optional<UnexpectedBytes> bits_in_groups(ByteView heard) {
     return (b & 1) == 0 && ((b >> 1 ^ b >> 2) & 1) == 0 && ((b >> 3 ^ b >> 4) & 1) == 0 &&
            ((b >> 5 ^ b >> 6) & 1) == 0;
   };
-  const bool fours = std::ranges::all_of(heard, in_fours);
-  if (!fours && !std::ranges::all_of(heard, in_pairs)) return std::nullopt;
+  const bool fours = std::ranges::all_of(received, in_fours);
+  if (!fours && !std::ranges::all_of(received, in_pairs)) return std::nullopt;
   return UnexpectedBytes{
       Cause::speed, std::string("bits that arrive in ") + (fours ? "fours" : "pairs") +
                         ": the device is slower, set baud to " + (fours ? "a quarter" : "half") +
                         " of its present value"};
 }
 
-std::optional<UnexpectedBytes> no_text(ByteView heard) {
-  const auto foreign = std::ranges::count_if(heard, std::not_fn(is_text));
-  if (heard.size() < kFewBytes || 3 * foreign < std::ssize(heard)) return std::nullopt;
+std::optional<UnexpectedBytes> no_text(ByteView received) {
+  const auto foreign = std::ranges::count_if(received, std::not_fn(is_text));
+  if (received.size() < kFewBytes || 3 * foreign < std::ssize(received)) return std::nullopt;
   return UnexpectedBytes{Cause::speed,
                          "bytes that are not text, although the protocol is: compare baud with the "
                          "device's, then data_bits and parity; or it is another protocol"};
@@ -184,7 +185,7 @@ std::optional<UnexpectedBytes> no_text(ByteView heard) {
 }  // namespace
 
 UnexpectedBytes looks_like(const DeviceConfig& device, const Codec& codec, ByteView asked,
-                           ByteView heard) {
+                           ByteView received) {
   // Speed and parity do not exist over Ethernet.
   const bool is_on_line = device.protocol == nullptr || device.protocol->on_serial;
   UnexpectedBytes unknown{
@@ -193,33 +194,33 @@ UnexpectedBytes looks_like(const DeviceConfig& device, const Codec& codec, ByteV
                             "data_bits and parity of line and device, and look for another master"
                           : "nothing known: does another service or protocol answer at this port? "
                             "Compare protocol and its settings with the device's"};
-  if (heard.empty()) return unknown;
-  const bool returned = !asked.empty() && std::ranges::mismatch(asked, heard).in1 == asked.end();
+  if (received.empty()) return unknown;
+  const bool returned = !asked.empty() && std::ranges::mismatch(asked, received).in1 == asked.end();
   if (returned)
     return {Cause::echo,
             "the request itself, which the line returns (a two-wire adapter?): set echo for its "
             "devices"};
   // A device that stood still may send several answers of one byte at once.
-  const bool repeats = std::ranges::count(heard, heard.front()) == std::ssize(heard);
-  if (auto frame = own_frame(device, codec, repeats ? heard.first(1) : heard))
+  const bool repeats = std::ranges::count(received, received.front()) == std::ssize(received);
+  if (auto frame = own_frame(device, codec, repeats ? received.first(1) : received))
     return *std::move(frame);
-  if (auto other = frame_of_another(device, heard)) return *std::move(other);
+  if (auto other = frame_of_another(device, received)) return *std::move(other);
   const bool is_text_line = is_on_line && codec.is_text();
   if (is_text_line) {
-    if (auto parity = parity_in_bit_7(heard)) return *std::move(parity);
-    if (auto parity = zeros_among_text(heard)) return *std::move(parity);
+    if (auto parity = parity_in_bit_7(received)) return *std::move(parity);
+    if (auto parity = zeros_among_text(received)) return *std::move(parity);
   }
   if (is_on_line)
-    if (auto speed = bits_in_groups(heard)) return *std::move(speed);
-  if (auto other = beginning_of_another(device, heard)) return *std::move(other);
+    if (auto speed = bits_in_groups(received)) return *std::move(speed);
+  if (auto other = beginning_of_another(device, received)) return *std::move(other);
   if (is_text_line)
-    if (auto speed = no_text(heard)) return *std::move(speed);
+    if (auto speed = no_text(received)) return *std::move(speed);
   return unknown;
 }
 
-std::string first_bytes(ByteView heard) {
-  std::string text = to_hex(heard.first(std::min(heard.size(), kShown)));
-  if (heard.size() > kShown) text += " … (" + std::to_string(heard.size()) + " bytes)";
+std::string first_bytes(ByteView received) {
+  std::string text = to_hex(received.first(std::min(received.size(), kShown)));
+  if (received.size() > kShown) text += " … (" + std::to_string(received.size()) + " bytes)";
   return text;
 }
 

@@ -28,12 +28,12 @@ struct UnexpectedBytes {
   std::string text;  ///< what the bytes look like, and what to do
 };
 
-/// Returns the guess for `heard`, bytes received after `asked` was sent to `device`. They are not
+/// Returns the guess for `received`: bytes that came after `asked` was sent to `device` and are not
 /// its answer. `asked` is empty if no request was sent. `codec` is the device's current codec.
 UnexpectedBytes looks_like(const DeviceConfig& device, const Codec& codec, ByteView asked,
-                           ByteView heard);
+                           ByteView received);
 
 /// Returns the first 16 bytes in hex, and the total number if there are more.
-std::string first_bytes(ByteView heard);
+std::string first_bytes(ByteView received);
 
 }  // namespace fxagent

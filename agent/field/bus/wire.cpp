@@ -68,11 +68,11 @@ asio::awaitable<Result<void>> Wire::open(nanoseconds listening) {
   const Transport& transport = channel_.transport();
   if (channel_.session() == 0 && transport.has_datagrams() && !transport.can_renew())
     tag_ = static_cast<std::uint16_t>(std::random_device()());
-  const Channel::Heard heard = co_await channel_.open(listening);
-  if (trace_ && !heard.bytes.empty()) trace_->unasked(heard.bytes, now());
-  if (!heard.error) co_return Result<void>{};
-  if (channel_.never_silent() && !heard.bytes.empty()) overheard_.keep(heard.bytes);
-  co_return tl::unexpected<Error>(*heard.error);
+  const Channel::Received received = co_await channel_.open(listening);
+  if (trace_ && !received.bytes.empty()) trace_->unasked(received.bytes, now());
+  if (!received.error) co_return Result<void>{};
+  if (channel_.never_silent() && !received.bytes.empty()) overheard_.keep(received.bytes);
+  co_return tl::unexpected<Error>(*received.error);
 }
 
 void Wire::close() noexcept {
@@ -99,10 +99,10 @@ bool Wire::take_arrived(const Codec& codec, Exchange& failed) {
 }
 
 asio::awaitable<bool> Wire::drain(const Codec& codec, SteadyTime until, nanoseconds quiet) {
-  const Channel::Heard heard = co_await channel_.listen(until, quiet);
-  counters_.unexpected_bytes += heard.total - heard.bytes.size();
-  note_unexpected(codec, heard.bytes);
-  co_return !heard.error;
+  const Channel::Received received = co_await channel_.listen(until, quiet);
+  counters_.unexpected_bytes += received.total - received.bytes.size();
+  note_unexpected(codec, received.bytes);
+  co_return !received.error;
 }
 
 void Wire::note_unexpected(const Codec& codec, ByteView bytes) {
@@ -164,7 +164,7 @@ asio::awaitable<Exchange> Wire::exchange(const Station& station, Request request
     co_await receive(codec, request, *frame, echo, deadline, exchange);
     trace(WireFrame::Way::in, rx_);
     if (!exchange.has_answer() && !rx_.empty()) {
-      exchange.heard = rx_;
+      exchange.received = rx_;
       exchange.asked = *frame;
     }
   } else {
@@ -207,7 +207,7 @@ asio::awaitable<void> Wire::receive(const Codec& codec, const Request& request, 
   const bool datagrams = channel_.transport().has_datagrams();
   bool goes_on = false;  // the current datagram has unread bytes
   std::size_t total = 0;
-  std::size_t heard = 0;  // datagrams received
+  std::size_t received = 0;  // datagrams
   std::uint8_t chunk[kWireChunk];
   for (;;) {
     const auto got = co_await channel_.transport().read_some(chunk, deadline);
@@ -222,8 +222,8 @@ asio::awaitable<void> Wire::receive(const Codec& codec, const Request& request, 
       co_return;
     }
     total += *got;
-    heard += goes_on ? 0 : 1;
-    if (datagrams && (total > Channel::kMostDrained || heard > kMostDatagrams)) {
+    received += goes_on ? 0 : 1;
+    if (datagrams && (total > Channel::kMostDrained || received > kMostDatagrams)) {
       channel_.close_never_silent();
       exchange.outcome = Exchange::Outcome::link_down;
       exchange.error = channel_.why_lost();
@@ -232,7 +232,7 @@ asio::awaitable<void> Wire::receive(const Codec& codec, const Request& request, 
     // A datagram never continues the previous one, which was not an answer.
     if (datagrams && !goes_on) note_unexpected(codec, std::exchange(rx_, {}));
     rx_.insert(rx_.end(), chunk, chunk + *got);
-    overheard_.heard(now());
+    overheard_.received(now());
     goes_on = channel_.transport().has_rest();
     if (goes_on && rx_.size() <= kMaxReceived) continue;
     if (echo_due) {

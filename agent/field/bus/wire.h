@@ -58,7 +58,7 @@ class Wire final {
   Wire(asio::any_io_executor executor, std::unique_ptr<Transport> transport,
        std::chrono::nanoseconds char_time);
 
-  /// Same as Channel::open(); traces what it hears.
+  /// Same as Channel::open(); traces what it receives.
   asio::awaitable<Result<void>> open(std::chrono::nanoseconds listening);
   /// Closes the channel and ends what is in progress, including listening and the gap before a
   /// request.

@@ -120,7 +120,7 @@ void CommandExchanges::add_hint(Exchange& exchange) const {
   const bool is_silent = exchange.outcome == Exchange::Outcome::unanswered;
   const bool is_closed =
       bus_.channel().closed_unanswered() && !bus_.channel().transport().has_datagrams();
-  if (is_silent && exchange.heard.empty())
+  if (is_silent && exchange.received.empty())
     exchange.error = checklist_of(device_, *station_.codec, station_.wiring, Answers::none);
   else if (const auto text = checklist_of_closed(*device_.protocol, *station_.codec);
            is_closed && !text.empty())
@@ -157,8 +157,8 @@ asio::awaitable<Exchange> CommandExchanges::ask(Request request, SteadyTime not_
   }
   if (exchange.outcome == Outcome::link_down && sharing_.is_over()) cut_off_ = true;
   add_hint(exchange);
-  if (!exchange.heard.empty()) {
-    const auto guess = looks_like(device_, *station_.codec, exchange.asked, exchange.heard);
+  if (!exchange.received.empty()) {
+    const auto guess = looks_like(device_, *station_.codec, exchange.asked, exchange.received);
     if (guess.cause != UnexpectedBytes::Cause::unknown)
       exchange.error += "; it looks like " + guess.text;
   }

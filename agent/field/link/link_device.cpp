@@ -29,18 +29,18 @@ void LinkDevice::log_refusal_once(const std::string& reason) {
 
 void LinkDevice::log_foreign_bytes(const Exchange& exchange) {
   const auto now = Clock::now();
-  if (exchange.heard.empty() || now < unexpected_bytes_from) return;
+  if (exchange.received.empty() || now < unexpected_bytes_from) return;
   unexpected_bytes_from = now + kUnexpectedBytesEvery;
   if (now - causes_logged_since >= kUnexpectedBytesLoggedEvery) {
     logged_causes.reset();
     causes_logged_since = now;
   }
-  const UnexpectedBytes guess = looks_like(config, *codec, exchange.asked, exchange.heard);
+  const UnexpectedBytes guess = looks_like(config, *codec, exchange.asked, exchange.received);
   const auto cause = static_cast<std::size_t>(guess.cause);
   if (logged_causes.test(cause)) return;
   logged_causes.set(cause);
   log::warn("device", {{"device", config.name},
-                       {"heard", first_bytes(exchange.heard)},
+                       {"heard", first_bytes(exchange.received)},
                        {"reason", exchange.error},
                        {"looks_like", guess.text}});
 }

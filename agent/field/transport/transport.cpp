@@ -50,13 +50,13 @@ class PermittedTransport final : public Transport {
 
   asio::awaitable<Result<std::size_t>> read_some(MutableBytes into, SteadyTime deadline) override {
     auto got = co_await channel_->read_some(into, deadline);
-    if (got) heard();
+    if (got) received();
     co_return got;
   }
 
   Result<Bytes> discard_input() override {
     auto found = channel_->discard_input();
-    if (found && !found->empty()) heard();
+    if (found && !found->empty()) received();
     return found;
   }
 
@@ -78,7 +78,7 @@ class PermittedTransport final : public Transport {
   static Written not_permitted(const char* why) { return {0, Error{ErrorCode::link_down, why}}; }
 
   /// Bytes before the first request of this gateway are another master's, or the answer to one.
-  void heard() {
+  void received() {
     if (!has_sent_) not_before_ = boot_time_now() + permit_.quiet();
   }
 

@@ -137,7 +137,7 @@ TEST(ServiceReports, ARealThreadThatHangsFeedsNobody) {
   reports.keep(kStart + 15s);
   EXPECT_EQ(fed(inbox.all()), 1U);
   {
-    const std::lock_guard stands_still(may_go);
+    const std::lock_guard hanging(may_go);
     reports.keep(kStart + 30s);  // for progress made earlier
     inbox.all();
     reports.keep(kStart + 45s);

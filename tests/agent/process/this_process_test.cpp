@@ -37,24 +37,24 @@ TEST(WithoutSignals, ThreadsTakeNoneAndTheirMakerDoesAsBefore) {
 
 TEST(Heartbeats, BothHaveToGoOn) {
   Heartbeats progress;
-  EXPECT_EQ(progress.stands_still(), "field and uplink");
+  EXPECT_EQ(progress.hanging_threads(), "field and uplink");
   progress.field_went_on();
-  EXPECT_EQ(progress.stands_still(), "uplink");
-  EXPECT_EQ(progress.stands_still(), "uplink");  // the field's sign is still valid
+  EXPECT_EQ(progress.hanging_threads(), "uplink");
+  EXPECT_EQ(progress.hanging_threads(), "uplink");  // the field's sign is still valid
   progress.uplink_went_on();
-  EXPECT_EQ(progress.stands_still(), "");
+  EXPECT_EQ(progress.hanging_threads(), "");
   progress.uplink_went_on();
-  EXPECT_EQ(progress.stands_still(), "field");
+  EXPECT_EQ(progress.hanging_threads(), "field");
 }
 
 TEST(Heartbeats, PairHasToGoOnIfThereIsOne) {
   Heartbeats progress(true);
   progress.field_went_on();
   progress.uplink_went_on();
-  EXPECT_EQ(progress.stands_still(), "pair");
+  EXPECT_EQ(progress.hanging_threads(), "pair");
   progress.pair_went_on();
-  EXPECT_EQ(progress.stands_still(), "");
-  EXPECT_EQ(progress.stands_still(), "field and uplink and pair");
+  EXPECT_EQ(progress.hanging_threads(), "");
+  EXPECT_EQ(progress.hanging_threads(), "field and uplink and pair");
 }
 
 }  // namespace

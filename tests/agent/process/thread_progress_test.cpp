@@ -70,7 +70,7 @@ struct ThreadProgressTest : testing::Test {
       turns.check(now, excused);
       now += ThreadProgress::kBetweenChecks;
     }
-    return turns.stands_still();
+    return turns.hanging_thread();
   }
   /// Waits until the kernel has finished starting or waking the thread, and it waits permanently.
   void settle(const Worker& worker) {
@@ -132,7 +132,7 @@ TEST_F(ThreadProgressTest, TimeAloneDoesNotCount) {
   EXPECT_EQ(after(2), "");
   const auto then = now;
   for (int i = 0; i < 1000; ++i) turns.check(then, false);
-  EXPECT_EQ(turns.stands_still(), "");
+  EXPECT_EQ(turns.hanging_thread(), "");
 }
 
 TEST_F(ThreadProgressTest, OthersAndThreadsThatAreGoneDoNotMatter) {

@@ -76,7 +76,7 @@ TEST_F(NumberedDatagrams, WhatComesInPlaceOfTheAnswerIsShown) {
   open();
   const Exchange exchange = read("hr:0");
   EXPECT_EQ(exchange.outcome, Outcome::unanswered);
-  EXPECT_EQ(exchange.heard, answer(9, 1));
+  EXPECT_EQ(exchange.received, answer(9, 1));
   EXPECT_NE(exchange.error.find(to_hex(answer(9, 1))), std::string::npos) << exchange.error;
 }
 

@@ -45,11 +45,11 @@ class Drip final : public Transport {
 TEST(Channel, LineThatDripsWithoutEndIsClosedAndOneThatFallsQuietIsNot) {
   asio::io_context io;
   Channel never_quiet(std::make_unique<Drip>(milliseconds(40)));
-  const Channel::Heard heard = run_on(io, never_quiet.open(milliseconds(0)));
-  ASSERT_TRUE(heard.error) << "a byte every 40 ms leaves no silence of 50 ms";
+  const Channel::Received received = run_on(io, never_quiet.open(milliseconds(0)));
+  ASSERT_TRUE(received.error) << "a byte every 40 ms leaves no silence of 50 ms";
   EXPECT_TRUE(never_quiet.never_silent());
   EXPECT_FALSE(never_quiet.is_open());
-  EXPECT_LT(heard.total, 100U) << "after little more than 3 s";
+  EXPECT_LT(received.total, 100U) << "after little more than 3 s";
 
   Channel quiet(std::make_unique<Drip>(milliseconds(60)));
   EXPECT_FALSE(run_on(io, quiet.open(milliseconds(0))).error);

@@ -38,8 +38,8 @@ DeviceConfig device_of(std::string_view protocol, Options more = {}) {
   return device;
 }
 
-UnexpectedBytes guess(const DeviceConfig& device, const Bytes& heard, const Bytes& asked = {}) {
-  return looks_like(device, *device.codec, asked, heard);
+UnexpectedBytes guess(const DeviceConfig& device, const Bytes& received, const Bytes& asked = {}) {
+  return looks_like(device, *device.codec, asked, received);
 }
 
 // Frames from protocol/README.md, originally from captures and the manuals.
@@ -77,12 +77,12 @@ std::vector<bool> on_the_wire(const Bytes& frame, Shape shape) {
 
 /// Returns the bytes received by a port of this shape. `bit` is its bit time in bits of the sender.
 /// As in the kernel (INPCK), a character with an error arrives as 00 if parity is on.
-Bytes heard_by(Shape shape, double bit, const std::vector<bool>& line) {
+Bytes received_by(Shape shape, double bit, const std::vector<bool>& line) {
   const auto at = [&line](double time) {
     const auto index = static_cast<std::size_t>(time);
     return index >= line.size() || line[index];
   };
-  Bytes heard;
+  Bytes received;
   bool before = true;
   for (double now = 0; now < static_cast<double>(line.size()); now += 0.05) {
     const bool level = at(now);
@@ -100,16 +100,17 @@ Bytes heard_by(Shape shape, double bit, const std::vector<bool>& line) {
       sample += bit;
     }
     good = good && at(sample);
-    heard.push_back(!good && shape.parity != Parity::none ? std::uint8_t{0} : byte);
+    received.push_back(!good && shape.parity != Parity::none ? std::uint8_t{0} : byte);
     now = sample;
     before = at(now);
   }
-  return heard;
+  return received;
 }
 
 TEST(UnexpectedBytes, AUartThatIsSetAsTheDeviceHearsItsFrames) {
-  EXPECT_EQ(heard_by({}, 1, on_the_wire(kD123, {})), kD123);
-  EXPECT_EQ(heard_by({8, Parity::none}, 1, on_the_wire(kRtuReply, {8, Parity::none})), kRtuReply);
+  EXPECT_EQ(received_by({}, 1, on_the_wire(kD123, {})), kD123);
+  EXPECT_EQ(received_by({8, Parity::none}, 1, on_the_wire(kRtuReply, {8, Parity::none})),
+            kRtuReply);
 }
 
 // ---- the guesses -------------------------------------------------------------------------------
@@ -144,7 +145,7 @@ TEST(UnexpectedBytes, AnAnswerOfAnotherStationNamesIt) {
 
 struct Foreign {
   std::string_view on;
-  Bytes heard;
+  Bytes received;
   Cause cause;
   std::string_view says;
 };
@@ -168,8 +169,9 @@ TEST(UnexpectedBytes, FramesOfOtherProtocolsAreNamed) {
       {"fx-programming-port", printed(":110103CD"), Cause::other_protocol, "modbus-ascii"},
   };
   for (const Foreign& row : rows) {
-    const auto found = guess(device_of(row.on), row.heard);
-    EXPECT_EQ(found.cause, row.cause) << row.on << " heard " << to_hex(row.heard) << found.text;
+    const auto found = guess(device_of(row.on), row.received);
+    EXPECT_EQ(found.cause, row.cause)
+        << row.on << " received " << to_hex(row.received) << found.text;
     expect_says(found.text, row.says);
   }
 }
@@ -197,9 +199,9 @@ TEST(UnexpectedBytes, AnMcPortWithOtherSettingsIsToldWhereTheyAre) {
   const Bytes format_2 = printed("<7AF90000FF0012340002>32");
   const Bytes format_3 = printed("<F90000FF00QACK12340002>DA");
   const Bytes format_4 = joined(format_1, hex("0D 0A"));
-  const std::pair<std::int64_t, Bytes> heard[] = {
+  const std::pair<std::int64_t, Bytes> received[] = {
       {1, format_1}, {2, format_2}, {3, format_3}, {4, format_4}};
-  for (const auto& [theirs, frame] : heard) {
+  for (const auto& [theirs, frame] : received) {
     for (const std::int64_t ours : {1, 2, 3, 4}) {
       const auto found = guess(port(ours), frame);
       const std::string wanted = "set format to " + std::to_string(theirs) + ", or format " +
@@ -226,8 +228,8 @@ TEST(UnexpectedBytes, ACutOrSpoiltAnswerOfAnMcPortIsNoFxPlc) {
     const Bytes cut(frame.begin(), frame.end() - 4);
     Bytes spoilt = frame;
     spoilt[12] ^= 0x01;
-    for (const Bytes& heard : {cut, spoilt}) {
-      const auto found = guess(device, heard);
+    for (const Bytes& received : {cut, spoilt}) {
+      const auto found = guess(device, received);
       EXPECT_EQ(found.cause, Cause::unknown) << protocol << ": " << found.text;
       EXPECT_EQ(found.text.find("fx-"), std::string::npos) << found.text;
     }
@@ -249,9 +251,9 @@ TEST(UnexpectedBytes, OverEthernetNoBaudRateAndNoParityIsBlamed) {
     const Bytes zeros(12, 0);
     const Bytes cut(k3eData.begin(), k3eData.end() - 2);
     const Bytes high = hex("81 82 84 88 90");
-    for (const Bytes& heard : {zeros, cut, high}) {
-      const auto found = guess(device, heard);
-      EXPECT_EQ(found.cause, Cause::unknown) << protocol << " " << to_hex(heard) << found.text;
+    for (const Bytes& received : {zeros, cut, high}) {
+      const auto found = guess(device, received);
+      EXPECT_EQ(found.cause, Cause::unknown) << protocol << " " << to_hex(received) << found.text;
       for (const char* word : {"baud", "parity", "not text", "fx-"})
         EXPECT_EQ(found.text.find(word), std::string::npos) << protocol << ": " << found.text;
       expect_says(found.text, "protocol");
@@ -261,8 +263,8 @@ TEST(UnexpectedBytes, OverEthernetNoBaudRateAndNoParityIsBlamed) {
 
 TEST(UnexpectedBytes, FramesOfTextHaveTheirParitySeenOn8BitsToo) {
   for (const auto& [protocol, frame] : {std::pair{"mc-3c", k3cData}, std::pair{"mc-4c", k4cData}}) {
-    const Bytes heard = heard_by({8, Parity::none}, 1, on_the_wire(frame, {7, Parity::even}));
-    const auto even = guess(device_of(protocol, {{"model", "Q"}}), heard);
+    const Bytes received = received_by({8, Parity::none}, 1, on_the_wire(frame, {7, Parity::even}));
+    const auto even = guess(device_of(protocol, {{"model", "Q"}}), received);
     EXPECT_EQ(even.cause, Cause::parity) << even.text;
     expect_says(even.text, "even parity in bit 7");
   }
@@ -276,7 +278,7 @@ TEST(UnexpectedBytes, WrongParityIsSeenInBit7OrAsZeros) {
   for (const std::string_view protocol : {"fx-programming-port", "fx-computer-link"}) {
     const Bytes& frame = protocol == "fx-computer-link" ? kLinkData : kD123;
     const auto found = [&](Shape here, Shape there) {
-      return guess(device_of(protocol), heard_by(here, 1, on_the_wire(frame, there)));
+      return guess(device_of(protocol), received_by(here, 1, on_the_wire(frame, there)));
     };
     // "Opening 8N1 shows 80h-set bytes."
     const auto even = found({8, Parity::none}, {7, Parity::even});
@@ -313,17 +315,17 @@ TEST(UnexpectedBytes, WrongSpeedIsSeenInTheBits) {
       {"modbus-rtu", kRtuReply, {8, Parity::even}, 1.0 / 12, "compare baud"},
   };
   for (const Row& row : rows) {
-    const Bytes heard = heard_by(row.shape, row.bit, on_the_wire(row.frame, row.shape));
-    const auto found = guess(device_of(row.protocol), heard);
+    const Bytes received = received_by(row.shape, row.bit, on_the_wire(row.frame, row.shape));
+    const auto found = guess(device_of(row.protocol), received);
     EXPECT_EQ(found.cause, Cause::speed)
-        << row.protocol << " " << row.bit << ": " << to_hex(heard) << " " << found.text;
+        << row.protocol << " " << row.bit << ": " << to_hex(received) << " " << found.text;
     expect_says(found.text, row.says);
   }
 }
 
 TEST(UnexpectedBytes, OfAllElseNothingIsClaimed) {
-  for (const Bytes& heard : {hex("07"), hex("7F 00"), hex("A5 5A 13"), Bytes{}})
-    EXPECT_EQ(guess(device_of("modbus-rtu"), heard).cause, Cause::unknown) << to_hex(heard);
+  for (const Bytes& received : {hex("07"), hex("7F 00"), hex("A5 5A 13"), Bytes{}})
+    EXPECT_EQ(guess(device_of("modbus-rtu"), received).cause, Cause::unknown) << to_hex(received);
   // A frame with one bit changed by noise.
   const auto spoilt = guess(device_of("fx-programming-port"),
                             hex("02 33 34 31 32 43 44 41 42 03 44 36"), kReadD123);

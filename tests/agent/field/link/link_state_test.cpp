@@ -116,11 +116,11 @@ TEST_F(LinkStateOnSerial, SerialLineThatWasLostIsOpenedAtOnceAndThenEachTimeLate
 }
 
 TEST_F(LinkStateOnSerial, GarbageIsToldOnceForEachDeviceAndCauseWithItsFirstBytes) {
-  const auto told_of = [&](const Bytes& heard) {
+  const auto told_of = [&](const Bytes& received) {
     Exchange exchange;
     exchange.outcome = Exchange::Outcome::garbled;
     exchange.error = "no STX";
-    exchange.heard = heard;
+    exchange.received = received;
     devices[0]->unexpected_bytes_from = {};  // a while has passed
     testing::internal::CaptureStderr();
     devices[0]->log_foreign_bytes(exchange);
@@ -143,10 +143,10 @@ TEST_F(LinkStateOnSerial, GarbageIsToldOnceForEachDeviceAndCauseWithItsFirstByte
 
 TEST_F(LinkStateOnSerial, GarbageIsLookedAtOnceInAWhile) {
   Exchange exchange;
-  exchange.heard = {0x82, 0x33, 0xB4, 0xB1};
+  exchange.received = {0x82, 0x33, 0xB4, 0xB1};
   testing::internal::CaptureStderr();
   devices[0]->log_foreign_bytes(exchange);
-  exchange.heard = {0xFF, 0x00, 0x13, 0x99};  // another cause, logged at once
+  exchange.received = {0xFF, 0x00, 0x13, 0x99};  // another cause, logged at once
   devices[0]->log_foreign_bytes(exchange);
   const std::string log = testing::internal::GetCapturedStderr();
   EXPECT_EQ(std::ranges::count(log, '\n'), 1) << log;
