@@ -111,6 +111,7 @@ class Metrics(PlantTest):
     def test_bad_questions_are_answered_or_closed(self):
         self.begin()
         self.listening()
+        wait_for("the first metrics", lambda: http_ask(self.port, "/metrics")[0] == 200)
 
         def status(*args, **more):
             found = re.match(rb"HTTP/1\.[01] (\d+) ", exchange(self.port, *args, **more))
@@ -134,7 +135,7 @@ class Metrics(PlantTest):
             for text in (b"", b"GET /met", b"GET /metrics HTTP/1.1\r\nX: ") * 10:
                 client = stack.enter_context(socket.create_connection(("127.0.0.1", self.port), PATIENCE))
                 client.sendall(text)
-            self.assertEqual(http_ask(self.port, "/metrics")[0], 200)
+            wait_for("the first metrics", lambda: http_ask(self.port, "/metrics")[0] == 200)
             self.assertEqual(self.agent.stop(), 0)
 
 
