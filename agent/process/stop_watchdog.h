@@ -34,8 +34,8 @@ class StopWatchdog final {
   /// After this call a stop is orderly; before it, a stop signal ends the process at once with exit
   /// status 0. `what` is as in stage(). Main thread.
   void begin(const char* what);
-  /// Waits for a stop signal and returns its number; nullopt: none came before `deadline`,
-  /// which may be Time::max().
+  /// Waits for a stop signal and returns its number; nullopt: none came before `deadline`.
+  /// time_point::max(): waits without a limit.
   std::optional<int> await_signal(std::chrono::steady_clock::time_point deadline);
 
   /// True if a stop signal has come. Any thread.

@@ -159,7 +159,6 @@ std::string take_frame(std::string_view line, Recording& out) {
   return {};
 }
 
-/// Takes any line after the first.
 /// Takes any line after the first. Returns the fault in it, or an empty text.
 std::string take_line(std::string_view line, Recording& out) {
   if (line.empty() || line.front() == '#') return {};

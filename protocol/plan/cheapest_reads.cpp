@@ -193,7 +193,8 @@ Cost ReadSearch::price_of(std::size_t way, const Extent& extent) {
     Read shortest = read;
     shortest.span.bits = by.unit_bits;
     const std::uint32_t two = chars(Gather{{shortest, shortest}});
-    // If even these do not fit, a part has the frame to itself and pays for all of it.
+    // If even these do not fit, the price of a whole frame: too high if parts of other ways share
+    // it.
     if (two == 0) return price = (cost_.per_char * chars(Gather{{read}})).count();
     around = 2 * chars(Gather{{shortest}}) - two;
   }

@@ -64,15 +64,15 @@ void reduce(Bucket& bucket);
 using Cost = std::int64_t;
 inline constexpr Cost kImpossible = std::numeric_limits<Cost>::max();
 
-/// What the search does with a part of a Gather: its price besides the part's own characters, and
-/// whether it is counted.
+/// Terms for the parts of one gather command: the price besides a part's own characters, and
+/// whether the search counts them.
 struct PartPrice {
   bool open = false;  ///< false: no part uses this command
   Cost each = 0;
   Cost each_bit = 0;
   bool counted = false;  ///< the search counts the parts; at most one command's
 };
-/// Limits of one search, by GatherCommand::gather. A command beyond the end is not open.
+/// Terms of one search, by GatherCommand::gather. A command beyond the end is not open.
 using Terms = std::vector<PartPrice>;
 
 /// Searches one bucket, once for each set of terms.

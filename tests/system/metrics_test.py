@@ -131,11 +131,12 @@ class Metrics(PlantTest):
     def test_it_stops_cleanly_with_slow_clients_and_readers_of_all_kinds(self):
         self.begin()
         self.listening()
+        wait_for("the first metrics", lambda: http_ask(self.port, "/metrics")[0] == 200)
         with contextlib.ExitStack() as stack:
             for text in (b"", b"GET /met", b"GET /metrics HTTP/1.1\r\nX: ") * 10:
                 client = stack.enter_context(socket.create_connection(("127.0.0.1", self.port), PATIENCE))
                 client.sendall(text)
-            wait_for("the first metrics", lambda: http_ask(self.port, "/metrics")[0] == 200)
+            self.assertEqual(http_ask(self.port, "/metrics")[0], 200)
             self.assertEqual(self.agent.stop(), 0)
 
 

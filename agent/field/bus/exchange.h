@@ -27,8 +27,9 @@ struct Exchange {
   bool sent = false;     ///< at least one byte left the agent
   bool doubted = false;  ///< answered while the bus was doubted, with silence before and after
   Reply reply;
-  std::string error;                       ///< why it was not answered, in words
-  SteadyTime began{};                      ///< just before the first byte
+  std::string error;  ///< why it was not answered, in words
+  /// Just before the first byte; `ended` if the link was lost before it.
+  SteadyTime began{};
   SteadyTime ended{};                      ///< last byte of the reply, or when the agent gave up
   std::int64_t ended_ms = 0;               ///< the same, UTC
   std::chrono::nanoseconds rest{0};        ///< silence required before it

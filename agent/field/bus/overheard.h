@@ -162,6 +162,7 @@ class Overheard final {
   /// Start of the last unexpected bytes, at most 64 of them; empty if there were none.
   const Bytes& last_unexpected() const { return last_unexpected_; }
 
+  /// Records the time of the last byte that came.
   void received(SteadyTime now) { last_received_ = now; }
   /// Time of the last byte that came.
   SteadyTime last_received() const { return last_received_; }

@@ -207,7 +207,7 @@ asio::awaitable<void> Wire::receive(const Codec& codec, const Request& request, 
   const bool datagrams = channel_.transport().has_datagrams();
   bool goes_on = false;  // the current datagram has unread bytes
   std::size_t total = 0;
-  std::size_t received = 0;  // datagrams
+  std::size_t datagram_count = 0;
   std::uint8_t chunk[kWireChunk];
   for (;;) {
     const auto got = co_await channel_.transport().read_some(chunk, deadline);
@@ -222,8 +222,8 @@ asio::awaitable<void> Wire::receive(const Codec& codec, const Request& request, 
       co_return;
     }
     total += *got;
-    received += goes_on ? 0 : 1;
-    if (datagrams && (total > Channel::kMostDrained || received > kMostDatagrams)) {
+    datagram_count += goes_on ? 0 : 1;
+    if (datagrams && (total > Channel::kMostDrained || datagram_count > kMostDatagrams)) {
       channel_.close_never_silent();
       exchange.outcome = Exchange::Outcome::link_down;
       exchange.error = channel_.why_lost();

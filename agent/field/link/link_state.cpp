@@ -87,8 +87,6 @@ void log_state(const std::string& device, const DeviceStatus& status) {
                      {"note", status.reason_text}});
 }
 
-void log_up(const LinkConfig& link) { log::info("link", {{"link", link.name}, {"state", "up"}}); }
-
 /// True if the peer closed or refused the channel before any answer. That counts as a failed
 /// attempt.
 bool is_refused(const LinkParts& link) {
@@ -188,15 +186,17 @@ void LinkState::opened() {
   // has answered.
   if (!link_.bus.channel().never_silent() && !was_refused_) reconnect_policy_.opened();
   was_open_ = true;
-  if (!is_vain_) {
-    logged_up_ = true;
-    log_up(link_.config);
-  }
+  if (!is_vain_) log_up_once();
   SteadyTime from = Clock::now();
   for (const auto& device : link_.devices) {
     if (was_down_) from = read_at_once(link_, *device, from);
     if (device->codec->is_broadcast()) update(*device);  // it has no answers that would do this
   }
+}
+
+void LinkState::log_up_once() {
+  logged_up_ = true;
+  log::info("link", {{"link", link_.config.name}, {"state", "up"}});
 }
 
 void LinkState::open_failed(const std::string& why) {
@@ -271,10 +271,7 @@ void LinkState::check_bus() {
 
 void LinkState::answered(LinkDevice& device) {
   unanswered_in_a_row_ = 0;
-  if (std::exchange(is_vain_, false) && was_open_) {
-    logged_up_ = true;
-    log_up(link_.config);
-  }
+  if (std::exchange(is_vain_, false) && was_open_) log_up_once();
   if (!link_.bus.channel().never_silent()) reconnect_policy_.opened();
   device.state.answered();
   device.asked_in_vain = false;

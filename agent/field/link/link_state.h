@@ -85,6 +85,7 @@ class LinkState final {
   Reason why_stopping() const { return why_stopping_; }
 
  private:
+  void log_up_once();
   void go_down(std::string why, std::string_view note);
 
   const LinkParts link_;

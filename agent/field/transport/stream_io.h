@@ -1,4 +1,5 @@
-// What serial ports and sockets share: reads and writes under a Deadline.
+// Reads and writes under a Deadline, for serial ports and sockets; and a wait on a timer, for all
+// of the field.
 #pragma once
 
 #include <unistd.h>
@@ -31,7 +32,7 @@ class Deadline final {
   void arm(SteadyTime at) {
     at_ = at;
     passed_ = false;
-    if (!waiting_ || at < timer_.expiry()) wait_until(at);
+    if (!waiting_ || at < timer_.expiry()) start_wait(at);
   }
   void disarm() { at_ = SteadyTime::max(); }
   /// Also ends the armed wait, so that an io_context without other work can finish.
@@ -44,14 +45,14 @@ class Deadline final {
   bool passed() const { return passed_; }
 
  private:
-  void wait_until(SteadyTime at) {
+  void start_wait(SteadyTime at) {
     waiting_ = true;
     timer_.expires_at(at);
     timer_.async_wait([this](const asio::error_code& error) {
       if (error) return;  // moved to an earlier time, which has a wait of its own
       waiting_ = false;
       if (at_ == SteadyTime::max()) return;
-      if (std::chrono::steady_clock::now() < at_) return wait_until(at_);
+      if (std::chrono::steady_clock::now() < at_) return start_wait(at_);
       passed_ = true;
       asio::error_code ignored;
       stream_.cancel(ignored);

@@ -29,7 +29,8 @@ namespace fxagent {
 
 class SampleDelivery final : public Outgoing::Sender {
  public:
-  /// All references outlive the object. `store` and `backlog_bytes` are those of WaitingSamples.
+  /// All references outlive the object. `store` and `backlog_bytes` are those of WaitingSamples;
+  /// `store` is null without a store.
   SampleDelivery(const Config& config, std::string boot, SamplePayload& payload, Outgoing& outgoing,
                  JitteredBackoff& backoff, GuardedStore* store, std::size_t backlog_bytes);
 
@@ -48,6 +49,7 @@ class SampleDelivery final : public Outgoing::Sender {
   /// Moves live samples of these devices that have found no room so far to history.
   void make_history(const std::set<std::string>& devices);
 
+  /// Ends the pauses after refusals. Messages of history have their full size again.
   void connection_began();
   /// Moves everything to history, samples in flight included.
   void connection_ended();

@@ -90,6 +90,7 @@ inline Message message_on(std::string topic, std::string payload, bool retained 
   return message;
 }
 
+/// A status with this state and nothing else.
 inline DeviceStatus status_of(std::uint32_t device, DeviceStatus::State state) {
   DeviceStatus status;
   status.device = device;
@@ -107,8 +108,7 @@ inline DeviceStatus online(std::uint32_t device) {
 }
 
 inline DeviceStatus offline(std::uint32_t device, std::string reason, std::int64_t since_ms = 7) {
-  DeviceStatus status;
-  status.device = device;
+  DeviceStatus status = status_of(device, DeviceStatus::State::offline);
   status.reason = std::move(reason);
   status.since_ms = since_ms;
   return status;

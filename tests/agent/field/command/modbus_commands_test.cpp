@@ -58,11 +58,11 @@ Bytes link_frame(const Bytes& control, std::string_view text) {
   return joined(control, Bytes(text.begin(), text.end()));
 }
 
-struct CommandOnModbusTest : CommandOnTheBusTest {
-  CommandOnModbusTest() { use_modbus(); }
+struct CommandModbusOnTheBusTest : CommandOnTheBusTest {
+  CommandModbusOnTheBusTest() { use_modbus(); }
 };
 
-TEST_F(CommandOnModbusTest, FunctionThatTheDeviceLacksIsReplacedByAnother) {
+TEST_F(CommandModbusOnTheBusTest, FunctionThatTheDeviceLacksIsReplacedByAnother) {
   wire->expect(hex("0001 0000 0006 01 06 000A 0032")).give(hex("0001 0000 0003 01 86 01"));
   wire->expect(hex("0002 0000 0009 01 10 000A 0001 02 0032"))
       .give(hex("0002 0000 0006 01 10 000A 0001"));
@@ -71,7 +71,7 @@ TEST_F(CommandOnModbusTest, FunctionThatTheDeviceLacksIsReplacedByAnother) {
   EXPECT_EQ(result.attempts, 2);
 }
 
-TEST_F(CommandOnModbusTest, CoilGoesByFifteenWhereFiveIsMissing) {
+TEST_F(CommandModbusOnTheBusTest, CoilGoesByFifteenWhereFiveIsMissing) {
   wire->expect(hex("0001 0000 0006 01 05 0005 FF00")).give(hex("0001 0000 0003 01 85 01"));
   wire->expect(hex("0002 0000 0008 01 0F 0005 0001 01 01"))
       .give(hex("0002 0000 0006 01 0F 0005 0001"));
@@ -88,7 +88,7 @@ TEST_F(CommandOnTheBusTest, BitOfARegisterIsReadChangedAndWrittenWhereThatIsAllo
   EXPECT_EQ(result.attempts, 2);
 }
 
-TEST_F(CommandOnModbusTest, BitOfARegisterIsNotReadAndWrittenWhereThatIsNotAllowed) {
+TEST_F(CommandModbusOnTheBusTest, BitOfARegisterIsNotReadAndWrittenWhereThatIsNotAllowed) {
   wire->expect(hex("0001 0000 0008 01 16 000A FFF7 0000")).give(hex("0001 0000 0003 01 96 01"));
   const CommandResult result = write("enable", flag(false));
   EXPECT_EQ(ending(result), "FAILED nak");
@@ -108,7 +108,7 @@ TEST_F(CommandOnTheBusTest, ReadThatMustComeFirstAndFailsLeavesTheRegisterAlone)
   EXPECT_EQ(result.attempts, 1);
 }
 
-TEST_F(CommandOnModbusTest, BusyDeviceIsAskedOnceMore) {
+TEST_F(CommandModbusOnTheBusTest, BusyDeviceIsAskedOnceMore) {
   const Bytes again = hex("0002 0000 0006 01 06 000A 0032");
   wire->expect(hex("0001 0000 0006 01 06 000A 0032")).give(hex("0001 0000 0003 01 86 06"));
   wire->expect(again).give(again);
@@ -118,7 +118,7 @@ TEST_F(CommandOnModbusTest, BusyDeviceIsAskedOnceMore) {
   EXPECT_GE(result.wire, std::chrono::milliseconds(100)) << "it says itself that it has no time";
 }
 
-TEST_F(CommandOnModbusTest, BusyDeviceIsReadOnceMore) {
+TEST_F(CommandModbusOnTheBusTest, BusyDeviceIsReadOnceMore) {
   wire->expect(hex("0001 0000 0006 01 03 000A 0001")).give(hex("0001 0000 0003 01 83 06"));
   wire->expect(hex("0002 0000 0006 01 03 000A 0001")).give(hex("0002 0000 0005 01 03 02 0032"));
   const CommandResult result = read("setpoint");
@@ -126,7 +126,7 @@ TEST_F(CommandOnModbusTest, BusyDeviceIsReadOnceMore) {
   EXPECT_GE(result.wire, std::chrono::milliseconds(100)) << "it says itself that it has no time";
 }
 
-TEST_F(CommandOnModbusTest, LongReadGoesInThePartsThatPollsHaveFound) {
+TEST_F(CommandModbusOnTheBusTest, LongReadGoesInThePartsThatPollsHaveFound) {
   const TagConfig list = array_of(tag(*device.codec, "list", "hr:0"), 3);
   device.tags.push_back(list);
   limits.push_back({list.point.address.span.space, 32});
@@ -152,7 +152,7 @@ TEST_F(CommandOnTheBusTest, RefusalThatLeavesTheEffectOpenIsSettledByReadingBack
   }
 }
 
-TEST_F(CommandOnModbusTest, RefusalThatLeavesTheEffectOpenIsUnknownWhereTheValueIsAnother) {
+TEST_F(CommandModbusOnTheBusTest, RefusalThatLeavesTheEffectOpenIsUnknownWhereTheValueIsAnother) {
   wire->expect(hex("0001 0000 0006 01 06 000A 0032")).give(hex("0001 0000 0003 01 86 05"));
   wire->expect(hex("0002 0000 0006 01 03 000A 0001")).give(hex("0002 0000 0005 01 03 02 0000"));
   const CommandResult result = write("setpoint", number(50));
@@ -160,7 +160,7 @@ TEST_F(CommandOnModbusTest, RefusalThatLeavesTheEffectOpenIsUnknownWhereTheValue
   EXPECT_NE(result.detail.find("exception 05"), std::string::npos) << result.detail;
 }
 
-TEST_F(CommandOnModbusTest, GatewayWithoutAPathToTheUnitHasNotSentIt) {
+TEST_F(CommandModbusOnTheBusTest, GatewayWithoutAPathToTheUnitHasNotSentIt) {
   wire->expect(hex("0001 0000 0006 01 06 000A 0032")).give(hex("0001 0000 0003 01 86 0A"));
   const CommandResult result = write("setpoint", number(50));
   EXPECT_EQ(result.status, CommandStatus::failed);
@@ -168,7 +168,7 @@ TEST_F(CommandOnModbusTest, GatewayWithoutAPathToTheUnitHasNotSentIt) {
   EXPECT_FALSE(was_answered) << "the gateway answered, not the device";
 }
 
-TEST_F(CommandOnModbusTest, HeaderOfNonsenseEndsTheConnectionAndTheReadBackOpensAnother) {
+TEST_F(CommandModbusOnTheBusTest, HeaderOfNonsenseEndsTheConnectionAndTheReadBackOpensAnother) {
   wire->expect(hex("0001 0000 0006 01 06 000A 0032")).give(hex("0001 0000 0384 01"));
   wire->expect(hex("0002 0000 0006 01 03 000A 0001")).give(hex("0002 0000 0005 01 03 02 0032"));
   const CommandResult result = write("setpoint", number(50));
@@ -176,7 +176,7 @@ TEST_F(CommandOnModbusTest, HeaderOfNonsenseEndsTheConnectionAndTheReadBackOpens
   EXPECT_EQ(wire->opened(), 2U);
 }
 
-TEST_F(CommandOnModbusTest, LateAnswerOnTcpIsToldByItsNumber) {
+TEST_F(CommandModbusOnTheBusTest, LateAnswerOnTcpIsToldByItsNumber) {
   wire->expect(hex("0001 0000 0006 01 06 000A 0032")).silence();
   wire->expect(hex("0002 0000 0006 01 03 000A 0001"))
       .give(hex("0001 0000 0006 01 06 000A 0032 0002 0000 0005 01 03 02 0000"));

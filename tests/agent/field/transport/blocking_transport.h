@@ -1,8 +1,7 @@
-// The calls of a transport as blocking calls, and the limit of open files, lowered for a test.
+// The calls of a transport as blocking calls.
 #pragma once
 
 #include <gtest/gtest.h>
-#include <sys/resource.h>
 
 #include <asio/io_context.hpp>
 
@@ -13,7 +12,7 @@ namespace fxagent::test {
 
 /// An io_context, and the calls of a transport that end when it has answered.
 struct TransportTest : ::testing::Test {
-  /// Less than run_on() waits: a call that takes too long ends by itself.
+  /// Less than run_on() waits: a call that takes too long ends on its own.
   static constexpr std::chrono::milliseconds kWithin = kLimit / 2;
 
   Result<void> open(Transport& transport) {
@@ -25,7 +24,7 @@ struct TransportTest : ::testing::Test {
   }
   Transport::Written write(Transport& transport, const std::string& text,
                            std::chrono::milliseconds within = kWithin) {
-    const Bytes bytes(text.begin(), text.end());
+    const ByteView bytes(reinterpret_cast<const std::uint8_t*>(text.data()), text.size());
     return run_on(io, transport.write(bytes, std::chrono::steady_clock::now() + within));
   }
   /// Returns the bytes that arrived, at most `room`; "timeout"; or "link_down" for any other error,
@@ -42,23 +41,6 @@ struct TransportTest : ::testing::Test {
 
   asio::io_context io;
   std::string read_error;
-};
-
-/// Changes the limit of open files until the test is over.
-class OpenFiles final {
- public:
-  explicit OpenFiles(rlim_t allowed) {
-    EXPECT_EQ(getrlimit(RLIMIT_NOFILE, &before_), 0);
-    rlimit low = before_;
-    low.rlim_cur = allowed;
-    EXPECT_EQ(setrlimit(RLIMIT_NOFILE, &low), 0);
-  }
-  OpenFiles(const OpenFiles&) = delete;
-  OpenFiles& operator=(const OpenFiles&) = delete;
-  ~OpenFiles() { setrlimit(RLIMIT_NOFILE, &before_); }
-
- private:
-  rlimit before_{};
 };
 
 }  // namespace fxagent::test

@@ -9,6 +9,7 @@
 
 #include "agent/field/transport/host_lookup.h"
 #include "tests/agent/field/transport/blocking_transport.h"
+#include "tests/agent/field/transport/open_files.h"
 #include "tests/support/says.h"
 
 namespace fxagent::test {

@@ -8,6 +8,7 @@
 #include <asio/post.hpp>
 
 #include "tests/agent/field/transport/blocking_transport.h"
+#include "tests/agent/field/transport/open_files.h"
 #include "tests/support/says.h"
 
 namespace fxagent::test {

@@ -146,7 +146,10 @@ TEST(StateJson, IsTheContractsExamples) {
             R"({"state":"offline","since":null,"reason":"lost","boot":"9f3c21aa"})");
   EXPECT_EQ(payload.agent_offline(7).payload,
             R"({"state":"offline","since":7,"reason":"stopped","boot":"9f3c21aa"})");
-  DeviceStatus status = test::online(0);
+  DeviceStatus status = test::status_of(0, DeviceStatus::State::online);
+  status.since_ms = 7;
+  status.model = "FX3U";
+  status.run = true;
   EXPECT_EQ(
       payload.device_state(status).payload,
       R"({"state":"online","since":7,"reason":null,"reason_text":null,"model":"FX3U","model_configured":null,"run":true})");
