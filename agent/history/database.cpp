@@ -108,10 +108,9 @@ bool Database::connect(DatabaseFault& fault) {
   PQsetNoticeProcessor(
       connection_.get(), [](void*, const char*) {}, nullptr);
   // Overrides a setting of the role or the database: an acknowledged sample must not be lost.
-  const Result set(PQexec(connection_.get(), commit_ == SynchronousCommit::on
-                                                 ? "SET synchronous_commit TO on"
-                                                 : "SET synchronous_commit TO off"));
-  if (PQresultStatus(set.get()) == PGRES_COMMAND_OK) return true;
+  const Result set = run("SELECT set_config('synchronous_commit', $1, false)",
+                         commit_ == SynchronousCommit::on ? "on" : "off");
+  if (set && PQresultStatus(set.get()) == PGRES_TUPLES_OK) return true;
   fault = fault_of(set.get());
   connection_.reset();
   return false;

@@ -42,8 +42,8 @@ std::string cure_of(std::string_view sqlstate);
 class Database final {
  public:
   /// `target` is a conninfo string or URI of libpq. When `stop` is readable, a call waits at most 5
-  /// s more for its answer. Calls `idle` at least once a second while it waits. While it connects,
-  /// it ignores both.
+  /// s more for each answer. Calls `idle` at least once a second while it waits. While libpq
+  /// connects, it ignores both.
   Database(std::string target, SynchronousCommit commit, int stop, std::function<void()> idle);
 
   /// Commits a batch (Batch::text()) in one transaction. Connects first if needed.

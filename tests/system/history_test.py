@@ -4,12 +4,14 @@ import json
 import os
 import re
 import signal
+import socket
 import subprocess
+import tempfile
 import time
 import unittest
 
 from history_plant import BROKER_CONF, CONFIG, CRASHING, FXHISTORY, Consumer, Postgres, rows_of, stored
-from plant import BASE, PlantTest, Watcher, device, read_json, read_text, tag, wait_for
+from plant import BASE, PATIENCE, PlantTest, Watcher, device, read_json, read_text, tag, wait_for
 
 TAGS = [tag("temp", "D100"), tag("recipe", "D210", count=3), tag("running", "M0", "slow")]
 GROUPS = [{"name": "fast", "interval_ms": 50}, {"name": "slow", "interval_ms": 200}]
@@ -381,6 +383,28 @@ class Schema(unittest.TestCase):
         """The schema may be run again, and keeps what is there."""
         self.database.psql(file=os.path.join(CONFIG, "schema.sql"))
         self.assertEqual(self.database.value("SELECT count(*) FROM history.samples"), 5)
+
+
+class Silence(unittest.TestCase):
+    """A database that accepts the connection and then says nothing."""
+
+    def test_it_does_not_hold_up_a_stop(self):
+        with tempfile.TemporaryDirectory() as directory, socket.create_server(("127.0.0.1", 0)) as server:
+            target = (f"host=127.0.0.1 port={server.getsockname()[1]} user=a dbname=a sslmode=disable gssencmode=disable "
+                      f"connect_timeout={PATIENCE:.0f}")
+            consumer = Consumer(directory, "history-all", 1, target)
+            consumer.start()
+            self.addCleanup(consumer.kill)
+            server.settimeout(PATIENCE)
+            database, _ = server.accept()
+            with database:
+                database.settimeout(PATIENCE)
+                self.assertIn(b"user\0a", database.recv(1000))
+                # AuthenticationOk and ReadyForQuery of PostgreSQL's protocol, "Message Formats".
+                database.sendall(b"R\0\0\0\x08\0\0\0\0Z\0\0\0\x05I")
+                self.assertIn(b"synchronous_commit", database.recv(1000))
+                self.assertEqual(consumer.stop(), 0)
+            self.assertIn("no answer", consumer.said())
 
 
 class Calls(unittest.TestCase):
