@@ -135,7 +135,6 @@ void reduce(Bucket& bucket) {
 ReadSearch::ReadSearch(const Codec& codec, const LineCost& cost, const Bucket& bucket)
     : codec_(codec), cost_(cost), bucket_(bucket) {
   prices_.resize(bucket.ways.size());
-  around_.resize(bucket.ways.size());
   for (const ReadWay& way : bucket.ways) partners_.push_back(first_partners(bucket.pieces, way));
   for (std::size_t w = 0; w < bucket.ways.size(); ++w) starts_.push_back(starts_by(w));
 }
@@ -174,8 +173,6 @@ Read ReadSearch::read_by(std::uint8_t way, const Extent& extent) const {
   return {{bucket_.space, extent.first, extent.end - extent.first}, by.way, by.gather};
 }
 
-/// Returns the cost of the whole exchange for a read sent alone, and the cost of its own characters
-/// for a part of a Gather.
 Cost ReadSearch::price_of(std::size_t way, const Extent& extent) {
   const ReadWay& by = bucket_.ways[way];
   std::vector<Cost>& known = prices_[way];
@@ -184,21 +181,8 @@ Cost ReadSearch::price_of(std::size_t way, const Extent& extent) {
   if (price != kImpossible) return price;
   const Read read = read_by(static_cast<std::uint8_t>(way), extent);
   if (by.gather == 0) return price = cost_.of(codec_.line_length(read)).count();
-  const auto chars = [&](const Gather& gather) {
-    return codec_.line_length(gather).planned_chars();
-  };
-  std::uint32_t& around = around_[way];
-  if (around == 0) {
-    // Measured with the shortest parts: a frame may have no room for two like this one.
-    Read shortest = read;
-    shortest.span.bits = by.unit_bits;
-    const std::uint32_t two = chars(Gather{{shortest, shortest}});
-    // If even these do not fit, the price of a whole frame: too high if parts of other ways share
-    // it.
-    if (two == 0) return price = (cost_.per_char * chars(Gather{{read}})).count();
-    around = 2 * chars(Gather{{shortest}}) - two;
-  }
-  return price = (cost_.per_char * (chars(Gather{{read}}) - around)).count();
+  const std::uint32_t chars = codec_.line_length(Gather{{read}}).planned_chars();
+  return price = (cost_.per_char * chars).count();
 }
 
 std::optional<Extent> ReadSearch::read_of(std::size_t way, std::size_t first, std::size_t last) {

@@ -64,11 +64,11 @@ void reduce(Bucket& bucket);
 using Cost = std::int64_t;
 inline constexpr Cost kImpossible = std::numeric_limits<Cost>::max();
 
-/// Terms for the parts of one gather command: the price besides a part's own characters, and
-/// whether the search counts them.
+/// Terms for the parts of one gather command: the price besides the characters of a Gather that
+/// holds the part alone, and whether the search counts them.
 struct PartPrice {
   bool open = false;  ///< false: no part uses this command
-  Cost each = 0;
+  Cost each = 0;      ///< may be negative
   Cost each_bit = 0;
   bool counted = false;  ///< the search counts the parts; at most one command's
 };
@@ -124,6 +124,8 @@ class ReadSearch final {
   };
 
   Starts starts_by(std::size_t way);
+  /// Returns the cost of a read: sent alone, of the whole exchange; as a part, of the characters of
+  /// a Gather that holds only this part.
   Cost price_of(std::size_t way, const Extent& extent);
   /// Tries reads by `way` that end with piece `last`.
   void try_way(std::size_t way, const PartPrice& part, std::size_t last);
@@ -139,7 +141,6 @@ class ReadSearch final {
   const LineCost& cost_;
   const Bucket& bucket_;
   std::vector<std::vector<Cost>> prices_;  ///< by way and length; kImpossible: not known yet
-  std::vector<std::uint32_t> around_;      ///< by way: characters around parts; 0: not known yet
   std::vector<std::vector<std::size_t>> partners_;  ///< by way and piece: the first in one read
   std::vector<Starts> starts_;                      ///< by way
   std::size_t counts_ = 1;                          ///< columns of best_

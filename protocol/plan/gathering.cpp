@@ -42,8 +42,7 @@ class GatherSearch final {
       for (const Extent& piece : bucket.pieces)
         reads_suspects_ = reads_suspects_ || is_suspect(span_in(bucket, piece));
     }
-    for (const GatherCommand& command : commands)
-      commands_.push_back({command, around_parts(command, buckets)});
+    for (const GatherCommand& command : commands) commands_.push_back(measured(command, buckets));
   }
 
   Gathering best() {
@@ -55,6 +54,7 @@ class GatherSearch final {
  private:
   struct Command : GatherCommand {
     Cost around_parts = 0;  ///< cost of one of its frames without the parts
+    Cost around_chars = 0;  ///< the characters' share of it
   };
   /// Result of a search.
   struct Found {
@@ -75,19 +75,23 @@ class GatherSearch final {
     }
   }
 
-  Cost around_parts(const GatherCommand& command, const std::vector<Bucket>& buckets) const {
+  /// Measures what is around the parts with the shortest ones: a frame may have no room for two
+  /// of another length. If no frame has room for two, all of a frame with one part counts.
+  Command measured(const GatherCommand& command, const std::vector<Bucket>& buckets) const {
+    LineLength one;
+    std::uint32_t part_chars = 0;
     for (const Bucket& bucket : buckets)
       for (const ReadWay& way : bucket.ways) {
-        if (way.gather != command.gather) continue;
+        if (way.gather != command.gather || part_chars != 0) continue;
         const std::uint32_t first = (way.first_bit + way.align_bits - 1) / way.align_bits;
         const Read part{{bucket.space, first * way.align_bits, way.unit_bits}, way.way, way.gather};
-        const LineLength one = codec_.line_length(Gather{{part}});
-        const LineLength two = codec_.line_length(Gather{{part, part}});
-        if (two.planned_chars() == 0) continue;  // no frame has room for two
-        return (cost_.of(one) - cost_.per_char * (two.planned_chars() - one.planned_chars()))
-            .count();
+        one = codec_.line_length(Gather{{part}});
+        const std::uint32_t two = codec_.line_length(Gather{{part, part}}).planned_chars();
+        if (two != 0) part_chars = two - one.planned_chars();
       }
-    return 0;
+    const std::chrono::nanoseconds parts = cost_.per_char * part_chars;
+    return {command, (cost_.of(one) - parts).count(),
+            (cost_.per_char * one.planned_chars() - parts).count()};
   }
 
   std::size_t weighed() const {
@@ -115,7 +119,8 @@ class GatherSearch final {
       const bool any_size = command->max_bits == kAnySize;
       const double each = (any_size ? by_parts + by_bits : by_parts) * around / command->max_parts;
       const double each_bit = (any_size ? 0 : by_bits) * around / command->max_bits;
-      terms[command->gather] = {true, static_cast<Cost>(each), static_cast<Cost>(each_bit)};
+      terms[command->gather] = {true, static_cast<Cost>(each) - command->around_chars,
+                                static_cast<Cost>(each_bit)};
     }
     return terms;
   }
@@ -169,7 +174,7 @@ class GatherSearch final {
   /// Finds the best plan with 1, 2 … `most` frames of the command, by counting their parts.
   void count(const Command& command, std::size_t most) {
     Terms terms(command.gather + 1U);
-    terms[command.gather] = {.open = true, .counted = true};
+    terms[command.gather] = {.open = true, .each = -command.around_chars, .counted = true};
     std::vector<Cost> costs(most * command.max_parts + 1, kImpossible);
     costs[0] = 0;
     for (ReadSearch& bucket : searches_) costs = bucket.run(terms, costs);

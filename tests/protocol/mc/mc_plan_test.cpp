@@ -53,17 +53,18 @@ TEST(McPlan, ScatteredWordsAndBitsOverEthernetAreOneExchange) {
 }
 
 TEST(McPlan, ADoubleWordSharesAFrameThatHasNoRoomForTwo) {
-  for (const std::uint32_t bytes : {6U, 7U, 8U}) {
-    Mc::Settings settings;
-    settings.model = Model::fx5u;
-    settings.max_block_bytes = bytes;
-    const Mc codec(settings);
-    const std::vector points{point(codec, "LCN0"), point(codec, "D0")};
-    const Plan plan = make_plan(codec, points, LineCost{0ns, 2ms}, 0);
-    ASSERT_EQ(plan.exchange_count(), 1U) << bytes;
-    EXPECT_EQ(gathered(plan, 0), 2U) << bytes;
-    EXPECT_TRUE(codec.encode(plan.request(plan.exchanges[0]), 1));
-  }
+  for (const LineCost& cost : {LineCost{0ns, 2ms}, LineCost{1ms, 2ms}})
+    for (const std::uint32_t bytes : {6U, 7U, 8U}) {
+      Mc::Settings settings;
+      settings.model = Model::fx5u;
+      settings.max_block_bytes = bytes;
+      const Mc codec(settings);
+      const std::vector points{point(codec, "LCN0"), point(codec, "D0")};
+      const Plan plan = make_plan(codec, points, cost, 0);
+      ASSERT_EQ(plan.exchange_count(), 1U) << bytes;
+      EXPECT_EQ(gathered(plan, 0), 2U) << bytes;
+      EXPECT_TRUE(codec.encode(plan.request(plan.exchanges[0]), 1));
+    }
 }
 
 TEST(McPlan, WhatOneBatchReadBringsIsOneBatchRead) {
