@@ -112,9 +112,7 @@ asio::awaitable<bool> Bus::prepare(Station& station, const Request& request, Exc
     bool still_open = true;
     if (!is_quiet) still_open = co_await wire_.drain(codec, until, quiet);
     if (!still_open) {
-      failed.outcome = Exchange::Outcome::link_down;
-      failed.error = wire_.channel().why_lost();
-      failed.began = failed.ended = wire_.now();
+      mark_as_down(failed, wire_.channel().why_lost(), wire_.now());
       co_return false;
     }
   }

@@ -18,13 +18,6 @@ constexpr std::size_t kWireChunk = 512;
 // More datagrams than this in place of one answer are a flood.
 constexpr std::size_t kMostDatagrams = 1000;
 
-/// Sets `failed` to a request that a closed channel has kept back.
-void mark_as_down(Exchange& failed, std::string why, SteadyTime now) {
-  failed.outcome = Exchange::Outcome::link_down;
-  failed.error = std::move(why);
-  failed.began = failed.ended = now;
-}
-
 /// Takes a port for the next request. False: there is none; `failed` says why.
 bool renew_port(Transport& transport, const Codec& codec, Exchange& failed) {
   if (is_numbered(codec)) return true;
@@ -53,6 +46,12 @@ std::string beginning_of(const Bytes& bytes) {
   constexpr std::size_t kBeginning = 24;
   const ByteView shown = ByteView(bytes).first(std::min(bytes.size(), kBeginning));
   return to_hex(shown) + (shown.size() < bytes.size() ? " …" : "");
+}
+
+void mark_as_down(Exchange& failed, std::string why, SteadyTime now) {
+  failed.outcome = Exchange::Outcome::link_down;
+  failed.error = std::move(why);
+  failed.began = failed.ended = now;
 }
 
 Wire::Wire(asio::any_io_executor executor, std::unique_ptr<Transport> transport,

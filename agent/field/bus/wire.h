@@ -45,6 +45,8 @@ struct Station {
 
 /// Returns the first bytes for an error text: enough to recognise the sender.
 std::string beginning_of(const Bytes& bytes);
+/// Sets `failed` to a request that was not sent because the link is down: it took no line time.
+void mark_as_down(Exchange& failed, std::string why, SteadyTime now);
 
 class Wire final {
  public:
