@@ -168,11 +168,6 @@ void describe(ImportedTag& tag, std::string_view text) {
   if (!text.empty()) tag.keys["description"] = literal(text);
 }
 
-JsonObject json_number(double value) {
-  if (value != std::trunc(value) || std::abs(value) > kExact) return value;
-  return static_cast<std::int64_t>(value);
-}
-
 std::string literal(std::string_view text) {
   std::string spelled(text);
   for (auto at = spelled.find("${"); at != spelled.npos; at = spelled.find("${", at + 2))

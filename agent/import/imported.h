@@ -22,9 +22,6 @@ namespace fxagent {
 /// A value of a config, most often an object. Keeps the order of its members.
 using JsonObject = nlohmann::ordered_json;
 
-/// Returns a number as a config has it: a whole one as an integer, one that is not finite as null,
-/// which a config rejects.
-JsonObject json_number(double value);
 /// Returns foreign text so that a config takes it literally: `${` in it does not start a variable.
 std::string literal(std::string_view text);
 

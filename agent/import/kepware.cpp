@@ -7,6 +7,7 @@
 
 #include "agent/import/csv.h"
 #include "agent/import/formats.h"
+#include "agent/text/json.h"
 #include "agent/text/text.h"
 #include "protocol/letter_case.h"
 

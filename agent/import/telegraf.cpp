@@ -18,6 +18,7 @@
 #include <string>
 
 #include "agent/import/formats.h"
+#include "agent/text/json.h"
 #include "agent/text/text.h"
 
 namespace fxagent {

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "agent/import/formats.h"
+#include "agent/text/json.h"
 #include "protocol/letter_case.h"
 
 namespace fxagent {

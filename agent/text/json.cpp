@@ -1,7 +1,10 @@
 #include "agent/text/json.h"
 
+#include <cmath>
 #include <cstdint>
 #include <limits>
+
+#include "agent/text/json_writer.h"
 
 namespace fxagent {
 namespace {
@@ -12,6 +15,12 @@ std::string text_of(const Json& json, bool in_ascii) {
 }
 
 }  // namespace
+
+nlohmann::ordered_json json_number(double value) {
+  constexpr auto kExact = static_cast<double>(json::kMaxExactInteger);
+  if (value != std::trunc(value) || std::abs(value) > kExact) return value;
+  return static_cast<std::int64_t>(value);
+}
 
 nlohmann::json parsed_json(std::string_view text, bool ignore_comments) {
   return nlohmann::json::parse(text, nullptr, /*allow_exceptions=*/false, ignore_comments);

@@ -42,6 +42,10 @@ inline nlohmann::ordered_json or_null(const std::string& text) {
   return text.empty() ? nlohmann::ordered_json() : nlohmann::ordered_json(text);
 }
 
+/// Returns a number, as an integer if it is whole and at most 2^53 in size. One that is not finite
+/// is printed as null.
+nlohmann::ordered_json json_number(double value);
+
 /// Parses a document. Returns a discarded value if the text is not JSON.
 nlohmann::json parsed_json(std::string_view text, bool ignore_comments = false);
 nlohmann::ordered_json parsed_ordered_json(std::string_view text);

@@ -7,9 +7,9 @@
 
 #include "agent/commands/parse/parse.h"
 #include "agent/handover/telemetry.h"
-#include "agent/import/imported.h"
 #include "agent/remote/desired_config.h"
 #include "agent/remote/remote_report.h"
+#include "agent/text/json.h"
 #include "agent/text/json_writer.h"
 #include "protocol/value/point.h"
 
