@@ -15,8 +15,8 @@ struct RangeEnds {
 };
 RangeEnds range_ends(std::string_view text);
 
-/// Returns the last end in full: "M199" for "M100-199", with the letters of the first end. Returns
-/// the first end if there is no other.
-std::string last_end(const RangeEnds& ends);
+/// Returns the last end in full: "M199" for "M100-199". `letters` are those of the first end: only
+/// its protocol knows that the A of "WA0" is a digit. Returns the first end if there is no other.
+std::string last_end(const RangeEnds& ends, std::string_view letters);
 
 }  // namespace fxagent

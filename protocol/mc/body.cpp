@@ -74,12 +74,12 @@ void Body::device(std::uint16_t space_id, std::uint32_t bit) {
   const auto space = static_cast<Space>(space_id);
   const DeviceKind& kind = kind_of(space);
   const std::uint32_t number = kind.first_number + bit / kind.bits;
+  if (error_.empty()) error_ = why_not_named(dialect_, space, number, long_codes_);
   if (dialect_.code == Code::binary) {
     append_number(Code::binary, out_, number, long_codes_ ? 4 : 3);
     append_number(Code::binary, out_, kind.binary, long_codes_ ? 2 : 1);
     return;
   }
-  if (error_.empty()) error_ = why_not_named(dialect_, space, number);
   if (error_.empty() && !long_codes_ && kind.ascii.empty())
     error_ = std::string(kind.letters) + " has no short name";
   std::string name(long_codes_ ? kind.letters : kind.ascii);
@@ -95,11 +95,20 @@ Result<Bytes> Body::take() {
   return std::move(out_);
 }
 
-std::string why_not_named(const Dialect& dialect, Space space, std::uint32_t number) {
-  if (dialect.code == Code::binary) return {};
+std::string why_not_named(const Dialect& dialect, Space space, std::uint32_t number,
+                          bool long_codes) {
+  const bool is_binary = dialect.code == Code::binary;
+  // Six digits, in binary code as three bytes, or eight with the codes of iQ-R.
+  std::uint64_t beyond = 1;
+  for (int digit = 0; digit < (long_codes ? 8 : 6); ++digit)
+    beyond *= is_binary ? 16 : base_of(dialect.model, space);
+  if (number < beyond && is_binary) return {};
   const std::string name = device_name(dialect.model, space, number);
   const std::string cure =
       is_serial(dialect.frame) ? ": use mc-4c with format 5" : ": use `code` binary";
+  if (number >= beyond)
+    return name + " has more digits than a request to this model has room for" +
+           (is_binary ? ": set `model`" : cure);
   if (has_doubtful_digits(dialect, space) && number >= kCertain)
     return name +
            ": whether an FX5 takes the digits of X and Y as octal in ASCII code is not known" +

@@ -51,7 +51,8 @@ class Body final {
   /// Appends the device that contains this bit of the space. If it has no name, take() fails.
   void device(std::uint16_t space, std::uint32_t bit);
   Bytes& bytes() { return out_; }
-  /// Error: unsupported if this code has no name or no certain digits for one of the devices.
+  /// Error: unsupported if this code has no name, no certain digits or no room for the digits of
+  /// one of the devices.
   Result<Bytes> take();
 
  private:
@@ -61,7 +62,9 @@ class Body final {
   std::string error_;  ///< why the first such device has no name; empty: all have one
 };
 
-/// Returns why a device cannot be named in ASCII code on this model; empty if it can.
-std::string why_not_named(const Dialect& dialect, Space space, std::uint32_t number);
+/// Returns why a request cannot name a device; empty if it can. `long_codes`: it has the codes of
+/// iQ-R.
+std::string why_not_named(const Dialect& dialect, Space space, std::uint32_t number,
+                          bool long_codes);
 
 }  // namespace fxagent::mc

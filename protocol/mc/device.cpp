@@ -499,7 +499,9 @@ bool needs_type(std::string_view text) {
 
 Result<Span> parse_range(Model model, std::string_view text) {
   const RangeEnds ends = range_ends(text);
-  const std::string last = last_end(ends);
+  const auto begin = take_apart(ends.first);
+  if (!begin) return fail(begin);
+  const std::string last = last_end(ends, begin->letters);
   Numbers numbers;
   std::optional<Space> space;
   for (const std::string_view end : {ends.first, std::string_view(last)}) {

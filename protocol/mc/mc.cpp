@@ -26,14 +26,20 @@ Reply refusal(std::uint16_t code, Series series) {
   return {.kind = Reply::Kind::nak, .device_code = code, .text = end_code_text(code, series)};
 }
 
-/// Error: bad_request if frames in ASCII code cannot name all of a span.
+/// Error: bad_request if frames cannot name all of a span.
 Result<void> check_named(const Dialect& dialect, const Span& span) {
-  if (span.space >= kSpaces) return {};
+  if (span.space >= kSpaces || span.bits == 0) return {};
   const auto space = static_cast<Space>(span.space);
-  auto why = why_not_named(dialect, space, span.first_bit / kind_of(space).bits);
+  const DeviceKind& kind = kind_of(space);
+  const auto why_not = [&](std::uint32_t number) {
+    return why_not_named(dialect, space, number, has_long_codes(dialect, 0));
+  };
+  auto why = why_not(kind.first_number + span.first_bit / kind.bits);
+  const bool is_doubtful = has_doubtful_digits(dialect, space);
   const bool beyond = span.bits > kCertainWords || span.first_bit > kCertainWords - span.bits;
-  if (why.empty() && beyond && has_doubtful_digits(dialect, space))
-    why = why_not_named(dialect, space, kCertainWords);
+  if (why.empty() && (beyond || !is_doubtful))
+    why =
+        why_not(is_doubtful ? kCertainWords : kind.first_number + (span.end_bit() - 1) / kind.bits);
   if (!why.empty()) return refuse(std::move(why));
   return {};
 }

@@ -86,7 +86,10 @@ Result<void> set_units(Point& point, double scale, double offset) {
     return refuse(std::string(to_string(point.type)) + " takes no scale and no offset");
   point.scale = scale;
   point.offset = offset;
-  point.decimals = static_cast<std::int8_t>(std::max(decimals_of(scale), decimals_of(offset)));
+  // Values are rounded to at most 17 decimals.
+  constexpr int kMost = std::numeric_limits<std::int8_t>::max();
+  point.decimals =
+      static_cast<std::int8_t>(std::min(kMost, std::max(decimals_of(scale), decimals_of(offset))));
   return {};
 }
 

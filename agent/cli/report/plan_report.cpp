@@ -422,7 +422,10 @@ Result<WhatIf> parse_what_if(const std::string& what) {
   const std::string places = text.substr(blank + 1, at - blank - 1);
   const RangeEnds ends = range_ends(places);
   out.first = ends.first;
-  out.last = last_end(ends);
+  // "hr:100" has a table and no letters.
+  const auto letters = ends.first.find_first_of("0123456789:");
+  const bool has_table = letters != ends.first.npos && ends.first[letters] == ':';
+  out.last = last_end(ends, has_table ? "" : ends.first.substr(0, letters));
   return out;
 }
 

@@ -369,6 +369,8 @@ TEST(McDeviceRange, CoversBothEndsAndSaysWhatIsWrong) {
   EXPECT_EQ(parse_range(Model::fx5u, "Y0..Y17"), (Span{id(Space::y), 0, 16}));
   EXPECT_EQ(parse_range(Model::q, "W0-W1F"), (Span{id(Space::w), 0, 32 * 16}));
   EXPECT_EQ(parse_range(Model::q, "W0 .. 1F"), (Span{id(Space::w), 0, 32 * 16}));
+  EXPECT_EQ(parse_range(Model::q, "WA0-100"), (Span{id(Space::w), 0xA0 * 16, 97 * 16}));
+  expect_says(error_of(parse_range(Model::q, "XA0-10")).text, "ends before it begins");
   EXPECT_EQ(parse_range(Model::fx3u, "CN200-CN210"), (Span{id(Space::cn32), 0, 352}));
   EXPECT_EQ(parse_range(Model::iq_r, "LTN5"), (Span{id(Space::ltn), 160, 32}));
   expect_says(range_refusal("M100-D199"), "one kind");

@@ -331,6 +331,20 @@ TEST(McMessages, ContactsAreNeverWrittenAsWords) {
   EXPECT_TRUE(mc.combine({kWrite, Write{{kM, 0, 16}, {1, 0}}}));
 }
 
+TEST(McMessages, ANumberWithTooManyDigitsIsRefusedAndNeverShortened) {
+  const Mc unknown = codec(Frame::e3, Model::unknown);
+  EXPECT_TRUE(unknown.parse_address("M16777215", std::nullopt));
+  expect_says(error_of(unknown.parse_address("M16777316", std::nullopt)).text,
+              "M16777316 has more digits than a request to this model has room for: set `model`");
+  expect_says(error_of(unknown.parse_address("K4M16777210", std::nullopt)).text, "set `model`");
+  expect_says(why_not(unknown, Force{kM, 16777316, true}), "M16777316");
+  EXPECT_TRUE(codec(Frame::e3, Model::iq_r).parse_address("M16777316", std::nullopt));
+  const Mc ascii = codec(Frame::e3, Model::q, Code::ascii);
+  EXPECT_TRUE(ascii.parse_address("ZR999999", std::nullopt));
+  expect_says(error_of(ascii.parse_address("ZR1000000", std::nullopt)).text, "use `code` binary");
+  EXPECT_TRUE(codec(Frame::e3, Model::q).parse_address("ZR1000000", std::nullopt));
+}
+
 TEST(McMessages, InAsciiSomeDevicesOfAnFx5HaveNoCertainName) {
   const Mc mc = codec(Frame::e3, Model::fx5u, Code::ascii);
   const auto refused = [&](std::string_view text) {
@@ -464,6 +478,7 @@ TEST(McRefusals, AnIqRThatLacksItsCodesIsAskedWithThoseOfQ) {
   const auto other = mc.instead_of(kWrite, 0xC059).value();
   EXPECT_EQ(message(mc, other), "01 14 00 00 64 00 00 A8 01 00 34 12");
   EXPECT_FALSE(mc.instead_of(other, 0xC059));
+  EXPECT_FALSE(mc.instead_of(Force{kM, 1 << 24, true}, 0xC059)) << "three bytes name M0";
   EXPECT_FALSE(mc.instead_of(kWrite, 0xC056));
   EXPECT_FALSE(codec(Frame::e3).instead_of(kWrite, 0xC059));
   EXPECT_EQ(message(mc, mc.instead_of(kTwoWords, 0xC061).value()), "01 04 00 00 64 00 00 A8 02 00");

@@ -560,6 +560,11 @@ TEST(Units, AreFiniteAndOnlyForNumbers) {
   EXPECT_FALSE(set_units(bit, 1, 5));
   ASSERT_TRUE(set_units(point, 0.25, 100.5));
   EXPECT_EQ(point.decimals, 2);
+  // More decimals than a signed byte counts.
+  for (const double tiny : {1e-200, 1e-256, 1e-312}) {
+    ASSERT_TRUE(set_units(point, tiny, 0));
+    EXPECT_GT(point.decimals, 17) << tiny;
+  }
 }
 
 // ---- images -----------------------------------------------------------------------------------
