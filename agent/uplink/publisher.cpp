@@ -174,7 +174,7 @@ void Publisher::recover_other_gateway(SteadyTime now) {
 
 void Publisher::take_commands(SteadyTime now) {
   const std::int64_t utc_ms = utc_ms_();
-  commands_.recover_joined(now, utc_ms);
+  if (!is_changing_) commands_.recover_joined(now, utc_ms);
   recover_other_gateway(now);
   if (outbox_.refuses_commands()) commands_.close();
   intake_.take_some(now, utc_ms);

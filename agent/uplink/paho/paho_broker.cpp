@@ -206,7 +206,9 @@ std::vector<BrokerEvent> PahoBroker::take_events() {
   const auto over = std::chrono::steady_clock::now() - kCallbacksOver;
   std::erase_if(retired_, [over](const Retired& retired) { return retired.since < over; });
   if (closed_since_ && *closed_since_ < over) connection_->post_lost("found closed");
-  return inbox_->take();
+  auto events = inbox_->take();
+  if (connection_) connection_->read_on();
+  return events;
 }
 
 }  // namespace fxagent

@@ -240,6 +240,7 @@ void PahoConnection::post_lost(std::string_view text, int reason_code) noexcept 
 }
 
 void PahoConnection::hold_messages(bool held, std::size_t let_in) noexcept {
+  held_ = held;
   if (leaving_ && !held) return;
   let_in_ = held ? let_in : 0;
   socket_.pause(held && let_in == 0);
@@ -331,7 +332,7 @@ void PahoConnection::message_arrived(mqtt::const_message_ptr message) noexcept {
     std::size_t left = let_in_;
     if (left > 0 && let_in_.compare_exchange_strong(left, left - 1) && left == 1)
       socket_.pause(true);
-    // Before the post, which wakes the uplink: its next hold_messages() ends the pause.
+    // Before the post, which wakes the uplink: read_on() ends the pause.
     if (inbox_->is_filling()) socket_.pause(true);
     post(std::move(event));
   } catch (...) {

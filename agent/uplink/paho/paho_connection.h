@@ -80,6 +80,10 @@ class PahoConnection final : public virtual mqtt::callback, public virtual mqtt:
   /// each publish() takes. So a callback must not wait; to hold messages back, the socket is not
   /// read. After disconnect(), what is held stays held.
   void hold_messages(bool held, std::size_t let_in) noexcept;
+  /// The inbox is empty: reads on after a burst that filled it, unless messages are held.
+  void read_on() noexcept {
+    if (!held_ && !leaving_) socket_.pause(false);
+  }
 
  private:
   void post(BrokerEvent event) { inbox_->post(number_, std::move(event)); }
@@ -104,6 +108,7 @@ class PahoConnection final : public virtual mqtt::callback, public virtual mqtt:
   std::atomic<std::size_t> let_in_ = 0;  ///< messages before the pause
   std::atomic<bool> connected_posted_ = false;
   std::atomic<bool> leaving_ = false;
+  bool held_ = false;        ///< of the uplink's thread
   bool broken_off_ = false;  ///< of the uplink's thread
   std::atomic<bool> lost_ = false;
   mqtt::async_client client_;  ///< last member: destroyed before what its callbacks use

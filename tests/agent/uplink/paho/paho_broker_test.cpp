@@ -195,6 +195,27 @@ void expect_others_left_alone(const Mosquitto& mosquitto, const MqttConfig& conf
   EXPECT_EQ(option(other.fd(), SOL_SOCKET, SO_RCVBUF), room);
 }
 
+TEST(PahoBroker, ReadsOnAfterABurstThatFilledItsInbox) {
+  constexpr std::uint64_t kMessages = 60;
+  const Mosquitto mosquitto;
+  OnlineClient client(settings(mosquitto.url(), 5));
+  client.subscribe("a");
+  OnlineClient other(settings(mosquitto.url(), 5));
+  const std::vector<int> before = sockets_towards(mosquitto.port());
+  for (std::uint64_t id = 1; id <= kMessages; ++id)
+    other->publish(publication(id, "a", std::string(64'000, 'x')));
+  for (std::uint64_t id = 1; id <= kMessages; ++id) other.next<Delivered>();
+  const auto paused = [&] {
+    return std::ranges::any_of(before,
+                               [](int fd) { return option(fd, SOL_SOCKET, SO_RCVLOWAT) > 1; });
+  };
+  const auto deadline = std::chrono::steady_clock::now() + kLimit;
+  while (!paused()) ASSERT_LT(std::chrono::steady_clock::now(), deadline);
+  for (std::uint64_t id = 1; id <= kMessages; ++id)
+    EXPECT_EQ(client.next<Message>().payload.size(), 64'000U);
+  EXPECT_FALSE(paused());
+}
+
 class PahoBrokerVersion : public testing::TestWithParam<int> {};
 INSTANTIATE_TEST_SUITE_P(Mqtt, PahoBrokerVersion, testing::Values(4, 5));
 
