@@ -162,7 +162,9 @@ struct HttpServer::Callbacks {
       request.is_post = is_post;
       request.body = open.body;
       request.number = open.number;
-      open.answer = self.answer_(request);
+      // Once the server ends, nobody would answer one that waits.
+      open.answer =
+          self.is_ending_ ? refusal(kUnavailable, "the agent is stopping") : self.answer_(request);
     }
     if (!open.answer) {
       open.waits = true;
@@ -229,6 +231,7 @@ HttpServer::HttpServer(ListeningSocket socket, Answer answer, std::size_t most_b
     : socket_(std::move(socket)), answer_(std::move(answer)), most_body_(most_body) {}
 
 HttpServer::~HttpServer() {
+  is_ending_ = true;
   socket_.remove_path();
   if (daemon_ == nullptr) return;
   // The library cannot stop while connections are suspended.

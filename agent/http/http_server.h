@@ -130,6 +130,7 @@ class HttpServer final {
 
   ListeningSocket socket_;  ///< owns a Unix socket's path; the library owns the file
   const Answer answer_;
+  bool is_ending_ = false;
   const std::size_t most_body_;
   MHD_Daemon* daemon_ = nullptr;
   int file_ = -1;

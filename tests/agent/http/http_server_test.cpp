@@ -322,6 +322,17 @@ TEST_F(HttpPostTest, EndOfTheServerIsToldToThoseThatWait) {
   EXPECT_EQ(one.status(), 503);
 }
 
+TEST_F(HttpPostTest, RequestThatIsCompleteOnlyDuringTheEndOfTheServerIsRefused) {
+  HttpClient one(scratch_.path("http"));
+  run();
+  one.send("POST /later HTTP/1.1\r\nHost: a\r\nContent-Length: 2\r\n\r\nx");
+  run();
+  one.send("x");
+  server_.reset();
+  EXPECT_EQ(one.status(), 503);
+  EXPECT_TRUE(bodies_.empty());
+}
+
 TEST_F(HttpPostTest, CrowdClosesNoneThatWait) {
   HttpClient one = post("/later", "x");
   const std::uint64_t number = last_;
