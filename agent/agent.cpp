@@ -12,6 +12,7 @@
 
 #include "agent/commands/commands.h"
 #include "agent/commands/recovery.h"
+#include "agent/commands/result.h"
 #include "agent/field/field.h"
 #include "agent/field/transport/host_lookup.h"
 #include "agent/handover/command_message.h"
@@ -290,7 +291,16 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
                    [&publisher, command = Publisher::Unanswered{std::move(left), topic, reply}](
                        SteadyTime) mutable { publisher.take_unanswered(std::move(command)); });
              }});
-  Reload reload(path, remote, std::move(in_force), field, outbox, publisher, begin);
+  const auto take_back = [&](const std::vector<std::uint32_t>& ending, std::function<void()> done) {
+    if (!pair) return done();
+    pair->take_back(ending,
+                    [&outbox, done = std::move(done)](std::vector<AdmittedCommand> waiting) {
+                      for (const AdmittedCommand& each : waiting)
+                        outbox.push(not_sent(each, Reason::reloading));
+                      done();
+                    });
+  };
+  Reload reload(path, remote, std::move(in_force), field, outbox, publisher, take_back, begin);
   std::jthread uplink([&](std::stop_token stop) {
     ThreadProgress library("MQTTAsync_");
     run_uplink(publisher, outbox, stop, [&] { report_alive(library, signs); });

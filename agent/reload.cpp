@@ -84,13 +84,14 @@ std::size_t files_needed(const Config& config) {
 }
 
 Reload::Reload(std::string path, RemoteConfig& remote, std::shared_ptr<const Config> running,
-               Field& field, Outbox& outbox, Publisher& publisher, Begin begin)
+               Field& field, Outbox& outbox, Publisher& publisher, TakeBack take_back, Begin begin)
     : path_(std::move(path)),
       remote_(remote),
       running_(std::move(running)),
       field_(field),
       outbox_(outbox),
       publisher_(publisher),
+      take_back_(std::move(take_back)),
       applied_(std::make_shared<std::atomic<bool>>(false)) {
   status_.hash = running_->hash;
   status_.since_ms = utc_now_ms();
@@ -258,8 +259,9 @@ bool Reload::apply(Config config) {
   log::info("config", {{"state", "applying"}, {"change", what}});
   *applied_ = false;
   if (stopping_) return false;
-  // Order: the uplink stops using the parts that end, the field ends them, the uplink forgets them,
-  // the field starts the new ones. Each step sees everything that the previous one left.
+  // Order: the uplink stops using the parts that end, the pair gives back those of their commands
+  // that still wait, the field ends the parts, the uplink forgets them, the field starts the new
+  // ones. Each step sees everything that the previous one left.
   Field& field = field_;
   Outbox& outbox = outbox_;
   Publisher& publisher = publisher_;
@@ -268,9 +270,11 @@ bool Reload::apply(Config config) {
     if (!last_seq) return set(*done);
     field.begin(shared, std::move(*last_seq), [done] { set(*done); });
   };
-  outbox.ask([&field, &outbox, &publisher, shared, begin](SteadyTime) {
+  outbox.ask([&field, &outbox, &publisher, take_back = take_back_, shared, begin](SteadyTime) {
     publisher.begin_change(*shared);
-    field.end(shared, [&outbox, begin] { outbox.ask(begin); });
+    take_back(shared->devices_end, [&field, &outbox, shared, begin] {
+      field.end(shared, [&outbox, begin] { outbox.ask(begin); });
+    });
   });
   applied_->wait(false);
   if (stopping_) return false;

@@ -7,12 +7,14 @@
 #include <atomic>
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <future>
 #include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "agent/config/config_difference.h"
 #include "agent/config/config_error.h"
@@ -31,12 +33,16 @@ namespace fxagent {
 class Reload final {
  public:
   enum class Begin : std::uint8_t { with_reload, waiting };
+  /// Answers the commands for these devices that wait on their way to the field, then calls `done`,
+  /// perhaps on another thread.
+  using TakeBack =
+      std::function<void(const std::vector<std::uint32_t>& devices, std::function<void()> done)>;
 
   /// `running` is the config in force: the file at `path` with the changes of `remote` applied. All
   /// references must outlive this object. Starts its thread; construct it before the uplink runs.
   /// `with_reload`: hangup_within() has taken a SIGHUP.
   Reload(std::string path, RemoteConfig& remote, std::shared_ptr<const Config> running,
-         Field& field, Outbox& outbox, Publisher& publisher, Begin begin);
+         Field& field, Outbox& outbox, Publisher& publisher, TakeBack take_back, Begin begin);
   /// Calls stop() if necessary and joins the thread. Blocks as long as a read of an unresponsive
   /// file takes.
   ~Reload();
@@ -86,6 +92,7 @@ class Reload final {
   Field& field_;
   Outbox& outbox_;
   Publisher& publisher_;
+  const TakeBack take_back_;
   ConfigStatus status_;
   bool has_reported_ = false;
   /// Field and uplink have completed a change, or stop() was called. Shared with the calls that

@@ -30,11 +30,16 @@ class Announcements final {
   void add(Waiting waiting);
   /// From now on commands are submitted without an announcement. Any thread.
   void release();
+  /// Takes back the commands for these devices that are not submitted yet, and passes them to
+  /// `done` on the pair's thread. Add no more for them afterwards; then none is submitted. Any
+  /// thread.
+  using TakenBack = std::function<void(std::vector<AdmittedCommand>)>;
+  void take_back(std::vector<std::uint32_t> devices, TakenBack done);
 
   // The pair's thread.
-  /// Announces what waits if it `can_publish`. After release() submits every command. A command
-  /// whose announcement was refused is submitted after its deadline, so that the field answers it
-  /// as expired.
+  /// Answers take_back(). Announces what waits if it `can_publish`. After release() submits every
+  /// command. A command whose announcement was refused is submitted after its deadline, so that the
+  /// field answers it as expired.
   void step(bool can_publish, const Publish& publish, SteadyTime now);
   /// The broker has this publication. Submits its command; returns false if it is no announcement.
   bool delivered(std::uint64_t id);
@@ -42,12 +47,20 @@ class Announcements final {
   void refused(std::uint64_t id);
 
  private:
+  struct Request {
+    std::vector<std::uint32_t> devices;
+    TakenBack done;
+  };
+  std::vector<AdmittedCommand> taken(const std::vector<std::uint32_t>& devices);
+
+  std::vector<Waiting> waiting_;                 ///< not published yet
   std::map<std::uint64_t, Waiting> on_the_way_;  ///< by publication id
   std::vector<Waiting> refused_;
 
   std::mutex mutex_;
-  std::vector<Waiting> added_;  ///< under mutex_
-  bool released_ = false;       ///< under mutex_
+  std::vector<Waiting> added_;     ///< under mutex_
+  std::vector<Request> requests_;  ///< under mutex_
+  bool released_ = false;          ///< under mutex_
 };
 
 }  // namespace fxagent

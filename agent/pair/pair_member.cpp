@@ -133,6 +133,12 @@ void PairMember::announce(AdmittedCommand command, const std::string& device,
   wake();
 }
 
+void PairMember::take_back(std::vector<std::uint32_t> devices, Announcements::TakenBack done) {
+  announcements_.take_back(std::move(devices), std::move(done));
+  const std::lock_guard lock(mutex_);
+  wake();
+}
+
 void PairMember::reply(JournalEntry answered) {
   const std::lock_guard lock(mutex_);
   answered_.push_back(std::move(answered));
@@ -305,7 +311,6 @@ void PairMember::take_member_events(BootTime now) {
     }
   };
   for (const BrokerEvent& event : member_->take_events()) std::visit(take, event);
-  member_->hold_messages(false);  // a burst of results has paused the reading
 }
 
 void PairMember::hear(const Message& message, BootTime now) {
@@ -476,7 +481,7 @@ void PairMember::go_on_with_claim(BootTime now) {
   if (!heard_all_ && peers_.other_held_last()) journal_->acknowledge_own_commands();
   auto unwritten = journal_->close();
   journal_.reset();
-  state_.has_claimed();
+  state_.has_claimed(boot_time_now());
   permit_.revoke();
   {
     const std::lock_guard lock(mutex_);

@@ -69,6 +69,8 @@ class PairMember final {
   /// read is passed at once. Uplink thread.
   void announce(AdmittedCommand command, const std::string& device,
                 const Announcements::Submit& submit);
+  /// Same as Announcements::take_back().
+  void take_back(std::vector<std::uint32_t> devices, Announcements::TakenBack done);
   /// Tells the other gateway that the result of this command is published. Any thread.
   void reply(JournalEntry answered);
   /// Passes everything that waits to `submit`, without an announcement, and later commands too. The

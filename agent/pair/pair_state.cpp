@@ -245,8 +245,9 @@ void PairState::heartbeat_acknowledged(std::uint64_t id) {
   sent_.erase(sent_.begin(), std::next(found));
 }
 
-void PairState::has_claimed() {
+void PairState::has_claimed(BootTime now) {
   sent_.clear();
+  claimed_at_ = now;
   holds_until_ = {};
 }
 
@@ -262,7 +263,7 @@ std::vector<PairState::Action> PairState::step(BootTime now) {
   }
   if (role_ != PairRole::standby) {
     // A session whose broker has answered nothing for so long is of no use.
-    const BootTime last_sign = std::max(holds_until_, opens_at_ - peers_.quiet());
+    const BootTime last_sign = std::max({holds_until_, claimed_at_, opens_at_ - peers_.quiet()});
     if (now >= last_sign + 2 * peers_.quiet() && !std::exchange(drop_, true))
       actions.push_back(Action::drop_lease);
     if (now >= heartbeat_at_) actions.push_back(Action::send_heartbeat);

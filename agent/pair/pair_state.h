@@ -155,7 +155,7 @@ class PairState final {
   void heartbeat_acknowledged(std::uint64_t id);
   /// This gateway has the journal of the other one. Earlier heartbeats carry no sequence number of
   /// this gateway, so they permit nothing any more.
-  void has_claimed();
+  void has_claimed(BootTime now);
 
   /// The agent runs, so that this gateway becomes active when its wait is over.
   void agent_began() { agent_runs_ = true; }
@@ -191,6 +191,7 @@ class PairState final {
   int failures_ = 0;       ///< of claims in a row
   BootTime opens_at_{};
   BootTime holds_until_{};
+  BootTime claimed_at_{};
   BootTime heartbeat_at_{};
   std::map<std::uint64_t, BootTime> sent_;  ///< heartbeats without an acknowledgement
   bool drop_ = false;

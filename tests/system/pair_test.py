@@ -171,7 +171,16 @@ class Pair(PairTest):
         wait_for("a refusal", refused)
         self.assertEqual(results[-1]["status"], "EXPIRED", results)
         self.assertEqual(self.sim.get("press1", "D300"), len(results) - 1)
+        # A device that ends with a reload takes along what still waits. The next one at its place must not get it.
+        written = self.sim.get("press1", "D300")
+        agent = self.agents["a"]
+        self.send({"id": "waits", "op": "write", "address": "D300", "value": 99})
         self.assertEqual(self.command(op="read", address="D300")["status"], "SUCCEEDED")
+        agent.write(agent.config | {"devices": [device("press2")]})
+        agent.process.send_signal(signal.SIGHUP)
+        self.assert_result(self.result("waits"), "FAILED", "reloading")
+        self.watcher.wait(f"{BASE}/press2/data/fast", lambda m: not m.get("bad"))
+        self.assertEqual(self.sim.get("press1", "D300"), written)
 
     def test_standby_with_a_full_disk_remembers_what_was_announced(self):
         disk = Disk(self.directory)

@@ -11,9 +11,10 @@ using namespace std::chrono_literals;
 using Texts = std::vector<std::string>;
 
 struct AnnouncementsTest : ::testing::Test {
-  void add(const std::string& id, SteadyTime::duration allowed = 10s) {
+  void add(const std::string& id, SteadyTime::duration allowed = 10s, std::uint32_t device = 0) {
     AdmittedCommand command;
     command.command.id = id;
+    command.command.device = device;
     command.deadline = now + allowed;
     announcements.add({std::move(command), "announces " + id,
                        [this](AdmittedCommand c) { submitted.push_back(c.command.id); }});
@@ -67,6 +68,29 @@ TEST_F(AnnouncementsTest, CommandThatTheBrokerRefusesIsSubmittedAfterItsDeadline
   now += 1ms;
   step();
   EXPECT_EQ(submitted, Texts{"a"});
+}
+
+TEST_F(AnnouncementsTest, WhatIsTakenBackIsNeverSubmitted) {
+  add("refused");
+  add("on the way");
+  add("of another device", 10s, 1);
+  step();
+  announcements.refused(1);
+  add("added");
+  Texts taken;
+  announcements.take_back({0, 2}, [&](const std::vector<AdmittedCommand>& waiting) {
+    for (const AdmittedCommand& each : waiting) taken.push_back(each.command.id);
+  });
+  EXPECT_EQ(taken, Texts{}) << "that is for the pair's thread";
+  step(false);
+  EXPECT_EQ(taken, (Texts{"on the way", "refused", "added"}));
+  EXPECT_FALSE(announcements.delivered(2));
+  now += 1h;
+  step();
+  EXPECT_EQ(published.size(), 3U);
+  EXPECT_EQ(submitted, Texts{});
+  EXPECT_TRUE(announcements.delivered(3));
+  EXPECT_EQ(submitted, Texts{"of another device"});
 }
 
 TEST_F(AnnouncementsTest, ReleaseSubmitsAllThatWaitsAndLaterCommandsAtOnce) {

@@ -123,12 +123,20 @@ TEST_F(PairStateTest, PermissionCountsFromTheSendingOfAHeartbeatAndNotFromItsAck
 TEST_F(PairStateTest, OnlyAHeartbeatAfterTheClaimPermitsRequests) {
   a.claim(0);
   a.state.heartbeat_sent(++a.id, at(1000));
-  a.state.has_claimed();
+  a.state.has_claimed(at(1000));
   EXPECT_EQ(a.state.holds_until(), BootTime{});
   a.state.heartbeat_acknowledged(a.id);  // sent before, without a number of this gateway
   EXPECT_EQ(a.state.holds_until(), BootTime{});
   a.beat(1100);
   EXPECT_EQ(a.state.holds_until(), at(1100) + kQuiet / 2);
+}
+
+TEST_F(PairStateTest, LongClaimKeepsItsLease) {
+  a.claim(0);
+  for (int ms = 200; ms <= 2400; ms += 200) a.beat(ms);
+  a.state.has_claimed(at(2400));
+  EXPECT_FALSE(a.steps(4799, Action::drop_lease)) << "the broker has 2400 ms to answer again";
+  EXPECT_TRUE(a.steps(4800, Action::drop_lease));
 }
 
 TEST(PairState, LongerSettingOfTheOtherCountsAndIsNamed) {
