@@ -2,9 +2,10 @@
 // only when the broker has its announcement, so that the other gateway never repeats it.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <functional>
-#include <map>
+#include <list>
 #include <mutex>
 #include <string>
 #include <vector>
@@ -22,8 +23,10 @@ class Announcements final {
     AdmittedCommand command;
     std::string text;
     Submit submit;
+    std::uint64_t publication = 0;  ///< on its way to the broker; 0: not published yet, or refused
+    bool is_refused = false;
   };
-  /// Publishes a text to the other gateway. Returns the id of the publication.
+  /// Publishes a text to the other gateway. Returns the id of the publication, above 0.
   using Publish = std::function<std::uint64_t(std::string text)>;
 
   /// Takes a command to announce. After release() it is submitted at once. Any thread.
@@ -37,10 +40,11 @@ class Announcements final {
   void take_back(std::vector<std::uint32_t> devices, TakenBack done);
 
   // The pair's thread.
-  /// Answers take_back(). Announces what waits if it `can_publish`. After release() submits every
-  /// command. A command whose announcement was refused is submitted after its deadline, so that the
-  /// field answers it as expired.
-  void step(bool can_publish, const Publish& publish, SteadyTime now);
+  /// Answers take_back(). Announces what waits, as long as the broker has at most `window`
+  /// announcements to acknowledge. After release() submits every command. A command whose
+  /// announcement was refused is submitted after its deadline, so that the field answers it as
+  /// expired.
+  void step(std::size_t window, const Publish& publish, SteadyTime now);
   /// The broker has this publication. Submits its command; returns false if it is no announcement.
   bool delivered(std::uint64_t id);
   /// The broker refuses this publication.
@@ -51,14 +55,12 @@ class Announcements final {
     std::vector<std::uint32_t> devices;
     TakenBack done;
   };
-  std::vector<AdmittedCommand> taken(const std::vector<std::uint32_t>& devices);
+  std::list<Waiting>::iterator published(std::uint64_t id);
 
-  std::vector<Waiting> waiting_;                 ///< not published yet
-  std::map<std::uint64_t, Waiting> on_the_way_;  ///< by publication id
-  std::vector<Waiting> refused_;
+  std::list<Waiting> waiting_;  ///< in order of arrival
 
   std::mutex mutex_;
-  std::vector<Waiting> added_;     ///< under mutex_
+  std::list<Waiting> added_;       ///< under mutex_
   std::vector<Request> requests_;  ///< under mutex_
   bool released_ = false;          ///< under mutex_
 };

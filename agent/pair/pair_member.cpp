@@ -34,6 +34,10 @@ constexpr milliseconds kLongestWait{200};
 // Sequence numbers that the holder may use until its next heartbeat. A device has at most 1,000
 // samples a second.
 constexpr std::uint64_t kReserve = 1'000'000;
+// Announcements on their way: what the MQTT library sends fast, less a few for the heartbeats,
+// which would otherwise wait behind a burst of commands.
+constexpr std::uint32_t kMostOnTheWay = 20;
+constexpr std::uint32_t kForHeartbeats = 4;
 constexpr int kMostClaims = 4;  // times `quiet` until a claim without its mark is given up
 
 MqttConfig settings_with(const MqttConfig& mqtt, const std::string& suffix) {
@@ -223,7 +227,7 @@ void PairMember::keep(BootTime now) {
   const auto announce = [this](std::string text) {
     return publish_in_journal(*lease_, std::move(text));
   };
-  announcements_.step(lease_up_, announce, std::chrono::steady_clock::now());
+  announcements_.step(window_, announce, std::chrono::steady_clock::now());
   if (!goes_on) return;
   for (PairFault next = peers_.take_fault(); !next.text.empty(); next = peers_.take_fault()) {
     if (next.is_over)
@@ -368,7 +372,8 @@ void PairMember::take_lease_events(BootTime now) {
   const auto take = [&](const auto& event) {
     using Event = std::remove_cvref_t<decltype(event)>;
     if constexpr (std::is_same_v<Event, Connected>) {
-      lease_up_ = true;
+      window_ =
+          std::clamp(event.receive_maximum, kForHeartbeats + 1, kMostOnTheWay) - kForHeartbeats;
       claim_ = Claim::none;
       state_.lease_began(now);
     } else if constexpr (std::is_same_v<Event, ConnectFailed>) {
@@ -391,7 +396,7 @@ void PairMember::take_lease_events(BootTime now) {
 
 void PairMember::lease_ended(bool taken_over, BootTime now) {
   permit_.revoke();
-  lease_up_ = false;
+  window_ = 0;
   claim_ = Claim::none;
   const auto stops = [this] {
     const std::lock_guard lock(mutex_);

@@ -13,6 +13,7 @@
 
 #include <atomic>
 #include <condition_variable>
+#include <cstddef>
 #include <cstdint>
 #include <deque>
 #include <functional>
@@ -148,7 +149,7 @@ class PairMember final {
   int thrown_ = 0;  ///< times in a row that the member session was taken over
   BootTime member_since_{};
   BootTime connect_at_{};
-  bool lease_up_ = false;
+  std::size_t window_ = 0;  ///< of announcements; 0: the lease session is not connected
   Claim claim_ = Claim::none;
   bool over_ = false;          ///< the lease ended while the agent stops
   std::uint64_t next_id_ = 1;  ///< of publish(); heartbeats and marks have it as their number

@@ -19,9 +19,9 @@ struct AnnouncementsTest : ::testing::Test {
     announcements.add({std::move(command), "announces " + id,
                        [this](AdmittedCommand c) { submitted.push_back(c.command.id); }});
   }
-  void step(bool can_publish = true) {
+  void step(std::size_t window = 8) {
     announcements.step(
-        can_publish,
+        window,
         [this](std::string text) {
           published.push_back(std::move(text));
           return published.size();
@@ -51,10 +51,24 @@ TEST_F(AnnouncementsTest, CommandIsSubmittedWhenTheBrokerHasItsAnnouncement) {
 
 TEST_F(AnnouncementsTest, NothingIsAnnouncedWithoutTheLease) {
   add("a");
-  step(false);
+  step(0);
   EXPECT_EQ(published, Texts{});
   step();
   EXPECT_EQ(published, Texts{"announces a"});
+}
+
+TEST_F(AnnouncementsTest, BurstKeepsWithinTheWindow) {
+  for (const char* id : {"a", "b", "c", "d"}) add(id);
+  step(2);
+  EXPECT_EQ(published, (Texts{"announces a", "announces b"}));
+  step(2);
+  EXPECT_EQ(published.size(), 2U);
+  EXPECT_TRUE(announcements.delivered(2));
+  step(2);
+  EXPECT_EQ(published.back(), "announces c");
+  announcements.refused(1);
+  step(2);
+  EXPECT_EQ(published.size(), 4U) << "a refused one is not on its way";
 }
 
 TEST_F(AnnouncementsTest, CommandThatTheBrokerRefusesIsSubmittedAfterItsDeadline) {
@@ -82,8 +96,8 @@ TEST_F(AnnouncementsTest, WhatIsTakenBackIsNeverSubmitted) {
     for (const AdmittedCommand& each : waiting) taken.push_back(each.command.id);
   });
   EXPECT_EQ(taken, Texts{}) << "that is for the pair's thread";
-  step(false);
-  EXPECT_EQ(taken, (Texts{"on the way", "refused", "added"}));
+  step(0);
+  EXPECT_EQ(taken, (Texts{"refused", "on the way", "added"}));
   EXPECT_FALSE(announcements.delivered(2));
   now += 1h;
   step();
@@ -103,8 +117,8 @@ TEST_F(AnnouncementsTest, ReleaseSubmitsAllThatWaitsAndLaterCommandsAtOnce) {
   EXPECT_EQ(submitted, Texts{});
   add("later");
   EXPECT_EQ(submitted, Texts{"later"});
-  step(false);
-  EXPECT_EQ(submitted, (Texts{"later", "on the way", "refused", "added"}));
+  step(0);
+  EXPECT_EQ(submitted, (Texts{"later", "refused", "on the way", "added"}));
   EXPECT_FALSE(announcements.delivered(2));
   EXPECT_EQ(published.size(), 2U);
 }
