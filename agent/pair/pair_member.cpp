@@ -375,7 +375,8 @@ void PairMember::take_lease_events(BootTime now) {
       window_ =
           std::clamp(event.receive_maximum, kForHeartbeats + 1, kMostOnTheWay) - kForHeartbeats;
       claim_ = Claim::none;
-      state_.lease_began(now);
+      // This round may have begun long before the broker accepted the session.
+      state_.lease_began(boot_time_now());
     } else if constexpr (std::is_same_v<Event, ConnectFailed>) {
       log::warn("pair", {{"claim", "failed"}, {"reason", event.text}});
       lease_ended(false, now);

@@ -1,16 +1,37 @@
 """Two gateways at one line: one is active, and the other takes over."""
 
+import asyncio
+import datetime
 import json
 import os
 import signal
 import struct
+import threading
 import time
 import unittest
 
+import relays
 from broker_test import tls_conf
 from chaos_plant import Disk
 from pair_plant import BASE, PairTest, QUIET_MS, SerialBus
 from plant import PATIENCE, device, free_port, frozen, fxagent, tag, wait_for, write_text
+
+
+class HeldClaim(relays.Relay):
+    """On the way to the broker: holds the CONNECT of the lease session until `goes_on`."""
+
+    def __init__(self, loop, broker_port):
+        super().__init__(loop, broker_port)
+        self.claims, self.goes_on = threading.Event(), threading.Event()
+
+    async def carry(self, up, down):
+        await relays.until_one_ends(relays.forward(*up, self.hold), relays.forward(*down))
+
+    async def hold(self, data):
+        if data[0] == 0x10 and b"-pair" in data and b"-pair-" not in data:
+            self.claims.set()
+            while not self.goes_on.is_set():
+                await asyncio.sleep(0.01)
 
 
 class Pair(PairTest):
@@ -224,6 +245,29 @@ class Pair(PairTest):
             self.role(active, "standby", since)
         self.assertEqual(self.sim.get("press1", "D300"), ord("a"))
         self.assert_never_both()
+
+    def test_slow_disk_during_a_claim_does_not_shorten_its_wait(self):
+        if os.environ.get("SANITIZE"):
+            self.skipTest("a sanitizer must be the first library of a program: use a build without FXAGENT_SANITIZE")
+        self.start_plant()
+        way = HeldClaim(self.masters.loop, self.broker.port)
+        way.listen()
+        slow = os.path.join(self.directory, "slow")
+        store = {"path": os.path.join(self.directory, "store-b"), "sync": "always"}
+        agent = self.start_member("b", config=self.config("b", way.port, store=store),
+                                  environment={"LD_PRELOAD": os.environ["SLOW_MACHINE"], "SLOW_SYNC": slow})
+        wait_for("the claim", way.claims.is_set)
+        write_text(slow, "")
+        self.watcher.publish(f"{BASE}/press1/result", {"id": "1", "op": "write", "status": "SUCCEEDED"})
+        wait_for("the disk", lambda: os.path.exists(slow + ".rests"))
+        way.goes_on.set()
+        time.sleep(QUIET_MS / 1000)  # the disk takes as long as the whole wait
+        os.remove(slow)
+        self.role("b", "active")
+        claiming, active = (datetime.datetime.fromisoformat(line.split("Z ")[0])
+                            for role in ("claiming", "active")
+                            for line in agent.logged().splitlines() if f" pair role={role} " in line)
+        self.assertGreaterEqual((active - claiming).total_seconds() * 1000, QUIET_MS * 0.9)
 
     def test_clock_of_the_standby_is_an_hour_behind(self):
         self.start_plant()

@@ -1,16 +1,19 @@
 // A slow machine for one program: when preloaded, it delays some calls by a minute. SLOW_SYNC names
-// a file: while it exists, syncing to disk is slow. SLOW_OPEN names a path that opens slowly,
-// SLOW_LOOKUP a host whose lookup is slow.
+// a file: while it exists, syncing to disk is slow, and a file with `.rests` at its end shows that
+// a thread waits. SLOW_OPEN names a path that opens slowly, SLOW_LOOKUP a host whose lookup is
+// slow.
 
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <netdb.h>
+#include <sys/stat.h>
 #include <sys/syscall.h>
 #include <unistd.h>
 
 #include <cstdarg>
 #include <cstdlib>
 #include <cstring>
+#include <string>
 
 namespace {
 
@@ -18,7 +21,9 @@ constexpr unsigned kSeconds = 60;
 
 void rest_while_syncing() {
   const char* path = std::getenv("SLOW_SYNC");
-  if (path != nullptr && access(path, F_OK) == 0) sleep(kSeconds);
+  if (path == nullptr || access(path, F_OK) != 0) return;
+  mknod((std::string(path) + ".rests").c_str(), S_IFREG | 0600, 0);
+  for (unsigned i = 0; i < 100 * kSeconds && access(path, F_OK) == 0; ++i) usleep(10'000);
 }
 
 int slow_open(const char* path, int flags, mode_t mode) {
