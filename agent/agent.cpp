@@ -55,6 +55,7 @@ constexpr std::chrono::seconds kReloadEnds{2};
 // Its own discovery messages come back to the profile `homeassistant`.
 constexpr std::size_t kMaxDiscoveryBytes = std::size_t{4} << 20;
 constexpr std::size_t kMostBacklogBytes = std::size_t{64} << 20;
+constexpr const char* kLibraryThreads = "MQTTAsync_";  ///< begin of their names
 
 /// Waits for the signal that ends the agent. Reports to the service manager until then.
 int wait_for_stop(StopWatchdog& watchdog, ServiceReports& reports) {
@@ -64,18 +65,17 @@ int wait_for_stop(StopWatchdog& watchdog, ServiceReports& reports) {
   }
 }
 
-/// Counts a step of the uplink as a sign of life only while the threads of the MQTT library
-/// advance. Without them the agent neither sends nor receives, and only a new process gets new
-/// threads.
-void report_alive(ThreadProgress& library, Heartbeats& signs) {
+/// True while the threads of the MQTT library advance. Without them the agent neither sends nor
+/// receives, and only a new process gets new threads.
+bool advances(ThreadProgress& library) {
   const bool was_well = library.hanging_thread().empty();
   library.check(std::chrono::steady_clock::now(), paho_looks_up_host());
   const std::string& stuck = library.hanging_thread();
-  if (stuck.empty()) return signs.uplink_went_on();
-  if (was_well)
+  if (was_well && !stuck.empty())
     log::error("watchdog", {{"stands_still", "uplink"},
                             {"thread", stuck},
                             {"note", "a thread of the MQTT library hangs"}});
+  return stuck.empty();
 }
 
 /// Starts the flight recorder; nullptr if the config has none.
@@ -175,8 +175,9 @@ ProfileParts make_profile(const Config& config, const ProfileConfig& what,
 std::uint64_t stand_by(PairMember& pair, const std::function<void()>& hangup) {
   service_manager::notify_ready();
   service_manager::notify_status("standby of its pair");
-  return pair.await_claim([&hangup] {
-    if (service_manager::watchdog_interval()) service_manager::notify_alive();
+  ThreadProgress library(kLibraryThreads);
+  return pair.await_claim([&] {
+    if (advances(library) && service_manager::watchdog_interval()) service_manager::notify_alive();
     if (hangup_within(std::chrono::seconds(0))) hangup();
   });
 }
@@ -302,8 +303,10 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
   };
   Reload reload(path, remote, std::move(in_force), field, outbox, publisher, take_back, begin);
   std::jthread uplink([&](std::stop_token stop) {
-    ThreadProgress library("MQTTAsync_");
-    run_uplink(publisher, outbox, stop, [&] { report_alive(library, signs); });
+    ThreadProgress library(kLibraryThreads);
+    run_uplink(publisher, outbox, stop, [&] {
+      if (advances(library)) signs.uplink_went_on();
+    });
   });
   const auto place = [&](RelayedCommand command) {
     outbox.ask([&publisher, command = std::move(command)](SteadyTime now) mutable {
