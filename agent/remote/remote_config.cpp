@@ -230,6 +230,7 @@ std::optional<Next> RemoteConfig::hear(std::string_view payload, Moment now) {
     if (in_force_.would_move_again((*config)->mqtt.servers)) {
       kept_.end_judging();
       held_ = payload;
+      answer_.clear_rejected();  // an older document
       answer_.publish_again();
       log::info("remote_config",
                 {{"note", "another change of mqtt.servers waits for the end of the trial"},

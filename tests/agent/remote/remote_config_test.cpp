@@ -411,6 +411,22 @@ TEST_F(RemoteConfigTest, NobodyIsSentToAnotherBrokerAgainBeforeTheVerdict) {
   EXPECT_TRUE(plant.hear(stays));
 }
 
+TEST_F(RemoteConfigTest, AnOlderRejectedOneDoesNotTakeThePlaceOfOneThatWaits) {
+  plant.local()["agent"]["remote_allow"] = {"mqtt.servers", "devices"};
+  for (const char* key : {"username", "password", "allow_plain_secret"})
+    plant.local()["mqtt"].erase(key);
+  plant.write();
+  plant.start();
+  EXPECT_TRUE(plant.hear(with_server("b", "mqtt://192.0.2.2")));
+  EXPECT_FALSE(plant.hear(plant.with_retries("c", 99)));
+  EXPECT_NE(plant.remote().rejected(), "");
+  EXPECT_FALSE(plant.hear(with_server("d", "mqtt://192.0.2.4")));
+  EXPECT_EQ(plant.remote().rejected(), "")
+      << "a reload would judge it again and forget the last one";
+  EXPECT_TRUE(plant.pass(kTrial));
+  EXPECT_EQ(plant.said(), "applied \"d\"");
+}
+
 TEST_F(RemoteConfigTest, SwitchedOffByARestartTheAnswerIsClearedOnce) {
   EXPECT_FALSE(plant.remote().take_left_answer());
   plant.hear(plant.with_retries("v1", 7));
