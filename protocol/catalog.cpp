@@ -33,7 +33,7 @@ constexpr AddressForms kFxAddresses{
     "X17 Y0 (octal), M0 M8000 S20 D100 D8010 R0, TN5 CN5 (values), TS5 CS5 (contacts), "
     "CN200 (32 bits), D100.F (a bit of a word), K4M0 (16 bits as a number).",
     "bool for bits, int16 for words, int32 for CN200 to CN255 and K5 to K8.",
-    R"(^(([XxYy][0-7]+|[MmSsDdRr][0-9]+|[TtCc][NnSs][0-9]+)((-|\.\.)([XxYy][0-7]+|[MmSsDdRr][0-9]+|[TtCc][NnSs][0-9]+))?|.*\$\{.*)$)",
+    R"(^( *([XxYy][0-7]+( *(-|\.\.) *[XxYy]?[0-7]+)?|[MmSsDdRr][0-9]+( *(-|\.\.) *[MmSsDdRr]?[0-9]+)?|[TtCc][NnSs][0-9]+( *(-|\.\.) *([TtCc][NnSs])?[0-9]+)?) *|.*\$\{.*)$)",
     "M100-M199, Y0, D200-D209. M8034 to M8037 and M8118 are never written.",
 };
 
@@ -43,7 +43,7 @@ constexpr AddressForms kModbusAddresses{
     "hr:0x64, hr:100.3 (a bit of a register); or 40101, 400101 and so on, by the count of "
     "digits.",
     "bool for coils, discrete inputs and bits of registers, int16 for registers.",
-    R"(^((([HhIi][Rr]|[Cc][Oo]|[Dd][Ii]):(0[Xx][0-9A-Fa-f]+|[0-9]+)|[0134][0-9]{4,5})((-|\.\.)((([HhIi][Rr]|[Cc][Oo]|[Dd][Ii]):(0[Xx][0-9A-Fa-f]+|[0-9]+)|[0134][0-9]{4,5})|(0[Xx][0-9A-Fa-f]+|[0-9]+)))?|.*\$\{.*)$)",
+    R"(^( *(([HhIi][Rr]|[Cc][Oo]|[Dd][Ii]):(0[Xx][0-9A-Fa-f]+|[0-9]+)( *(-|\.\.) *(([HhIi][Rr]|[Cc][Oo]|[Dd][Ii]):(0[Xx][0-9A-Fa-f]+|[0-9]+)|0[Xx][0-9A-Fa-f]+|[0-9]{1,4}))?|[0134][0-9]{4,5}( *(-|\.\.) *(([HhIi][Rr]|[Cc][Oo]|[Dd][Ii]):(0[Xx][0-9A-Fa-f]+|[0-9]+)|[0134][0-9]{4,5}))?) *|.*\$\{.*)$)",
     "co:0-co:7, hr:100-hr:119, 40101-40120. Inputs can be read only.",
 };
 
@@ -55,7 +55,7 @@ constexpr AddressForms kMcAddresses{
     "number).",
     "bool for bits, int16 for words, uint32 for LCN, LTN and LSTN, int32 for CN200 to "
     "CN255, LZ and K5 to K8.",
-    R"(^([A-Za-z]{1,4}[0-9A-Fa-f]+((-|\.\.)[A-Za-z]{1,4}[0-9A-Fa-f]+)?|.*\$\{.*)$)",
+    R"(^( *[A-Za-z]{1,4}[0-9A-Fa-f]+( *(-|\.\.) *([A-Za-z]{1,4}[0-9A-Fa-f]|[0-9])[0-9A-Fa-f]*)? *|.*\$\{.*)$)",
     "M100-M199, Y0, W0-W1F. SM8034 to SM8037 are never written.",
 };
 

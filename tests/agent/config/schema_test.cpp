@@ -132,7 +132,8 @@ TEST(ConfigSchema, WhatIsRightPassesBoth) {
     "/devices/0/tags/0": [{"name": "t", "address": "D0", "type": "string", "length": 9}],
     "/devices/0/tags/0/scale": [-0.1], "/devices/0/tags/0/deadband": [0],
     "/devices/0/tags/0/word_order": ["high_first", "CDAB"], "/devices/0/tags/0/access": ["read_write"],
-    "/devices/0/commands": [{}], "/devices/0/commands/allow": [["TN0-TN5", "CN200", "y0-y7"]],
+    "/devices/0/commands": [{}], "/devices/0/commands/allow": [["TN0-TN5", "CN200", "y0-y7"],
+      ["D0-100", "M0 - M9", "Y0 .. 17", " TN0..5 "]],
     "/devices/0/commands/queue": [10000]})");
 }
 
@@ -191,7 +192,8 @@ TEST(ConfigSchema, WhatIsWrongFailsBoth) {
     "/devices/0/tags/0/scale": [0, "0.1"], "/devices/0/tags/0/deadband": [-0.5],
     "/devices/0/tags/0/access": ["write"], "/devices/0/tags/1/scale": [2],
     "/devices/0/tags/1/deadband": [2], "/devices/0/tags/1/word_order": ["low_first"],
-    "/devices/0/commands/allow/0": ["T5", "K4M0", "M0-"], "/devices/0/commands/queue": [0],
+    "/devices/0/commands/allow/0": ["T5", "K4M0", "M0-", "Y0-8", "M0-X5", "M 0"],
+    "/devices/0/commands/queue": [0],
     "/devices/0/commands/verify": ["yes"], "/devices/0/commands/max_expiry_s": [0]})");
 }
 
@@ -242,7 +244,8 @@ TEST(ConfigSchema, WhatIsRightOnModbusPassesBoth) {
     "/devices/1/tags/0/word_order": ["BADC", "low_first"],
     "/devices/1/tags/0/states": [{"0": "idle", "-17": "jam"}],
     "/devices/1/tags/0/description": [""],
-    "/devices/1/commands/allow": [["hr:1-hr:2", "hr:1-0x20", "40001-40009", "co:3"]]})");
+    "/devices/1/commands/allow": [["hr:1-hr:2", "hr:1-0x20", "40001-40009", "co:3"],
+      ["hr:1 - 20", "40001 .. 40009", "40001-hr:20", " co:3 "]]})");
 }
 
 TEST(ConfigSchema, WhatIsWrongOnModbusFailsBoth) {
@@ -256,7 +259,8 @@ TEST(ConfigSchema, WhatIsWrongOnModbusFailsBoth) {
     "/devices/1/tags/0/states": [{"00": "idle"}, {"0": ""}, ["idle"]],
     "/devices/1/tags/0/description": [1], "/devices/1/tags/0/scale": [0],
     "/devices/1/tags/0/length": [5],
-    "/devices/1/commands/allow/0": ["M0", "hr:1.3", "hr:1-"]})");
+    "/devices/1/commands/allow/0": ["M0", "hr:1.3", "hr:1-", "hr:1-40009",
+      "40001-9"]})");
 }
 
 /// The small plant with its last device replaced by a 1E device, with one error.
@@ -277,7 +281,8 @@ TEST(ConfigSchema, WhatIsRightOf1EFramesPassesBoth) {
     "/devices/1/monitoring_timer_ms": [250, 60000],
     "/devices/1/tags/0/address": ["X1F", "b0ff", "W1A.F", "K8Y0", "F5", "TC5", "T5"],
     "/devices/1/tags/0/word_order": ["high_first"],
-    "/devices/1/commands/allow": [["W0..W1F", "TN5", "Y0-YF"]]})");
+    "/devices/1/commands/allow": [["W0..W1F", "TN5", "Y0-YF"],
+      ["D0-100", "WA0 - 1FF", "Y0..1F", " M5 "]]})");
 }
 
 TEST(ConfigSchema, WhatIsWrongOf1EFramesFailsBoth) {
@@ -286,7 +291,7 @@ TEST(ConfigSchema, WhatIsWrongOf1EFramesFailsBoth) {
     "/devices/1/monitoring_timer_ms": [0, 60001], "/devices/1/station": [1],
     "/devices/1/network": [1],
     "/devices/1/tags/0/address": ["hr:0", "XG"], "/devices/1/tags/0/word_order": ["BADC"],
-    "/devices/1/commands/allow/0": ["K4M0"]})");
+    "/devices/1/commands/allow/0": ["K4M0", "M0-", "M0-M"]})");
 }
 
 // A variable instead of a fixed word: the loader substitutes it, an editor marks it as an error.
