@@ -400,8 +400,7 @@ tl::unexpected<Error> refuse(const std::string& what, const std::string& why) {
 
 struct WhatIf {
   std::string device;
-  std::string first;
-  std::string last;
+  std::string places;
   milliseconds interval{0};
 };
 
@@ -419,28 +418,31 @@ Result<WhatIf> parse_what_if(const std::string& what) {
     return refuse(what, "the interval after @ must be 0 to " + std::to_string(kLongestInterval) +
                             " ms, not \"" + number + "\"");
   out.interval = milliseconds(*interval);
-  const std::string places = text.substr(blank + 1, at - blank - 1);
-  const RangeEnds ends = range_ends(places);
-  out.first = ends.first;
-  // "hr:100" has a table and no letters.
-  const auto letters = ends.first.find_first_of("0123456789:");
-  const bool has_table = letters != ends.first.npos && ends.first[letters] == ':';
-  out.last = last_end(ends, has_table ? "" : ends.first.substr(0, letters));
+  out.places = text.substr(blank + 1, at - blank - 1);
   return out;
+}
+
+/// Returns the letters of the address: "W" of WA0; empty of hr:100 and 40101.
+std::string letters_of(const AddressSpace& addresses, const Address& address) {
+  // Only the protocol knows that the A is a digit. The first device of the space has only digits.
+  const std::string name = addresses.name_of({address.span.space, 0, 1});
+  return name.find(':') == name.npos ? name.substr(0, name.find_first_of("0123456789")) : "";
 }
 
 /// Returns one point for each device from the first to the last address.
 Result<std::vector<Point>> points_between(const Codec& codec, const WhatIf& asked,
                                           const std::string& what) {
-  const auto first = codec.addresses().parse_address(asked.first, std::nullopt);
+  const RangeEnds ends = range_ends(asked.places);
+  const auto first = codec.addresses().parse_address(ends.first, std::nullopt);
   if (!first) return refuse(what, first.error().text);
-  const auto last = codec.addresses().parse_address(asked.last, std::nullopt);
+  const std::string end = last_end(ends, letters_of(codec.addresses(), *first));
+  const auto last = codec.addresses().parse_address(end, std::nullopt);
   if (!last) return refuse(what, last.error().text);
   const Span from = first->span;
   const Span to = last->span;
   const bool alike = from.space == to.space && from.bits == to.bits && first->unit == last->unit;
   if (!alike || to.first_bit < from.first_bit || (to.first_bit - from.first_bit) % from.bits != 0)
-    return refuse(what, asked.first + " and " + asked.last +
+    return refuse(what, std::string(ends.first) + " and " + end +
                             " are not a range: both ends must be in one area, the lower one first");
   const Span whole{from.space, from.first_bit, to.end_bit() - from.first_bit};
   if (const auto inside = codec.addresses().check_range(whole); !inside)

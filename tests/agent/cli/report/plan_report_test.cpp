@@ -285,6 +285,21 @@ TEST(PlanReport, AWhatIfJoinsTheGroupOfItsInterval) {
   EXPECT_EQ(plan_links(config)[0].groups.size(), 3U);
 }
 
+TEST(PlanReport, AWhatIfMayLeaveOutTheLettersOfItsLastEnd) {
+  const auto last_of = [](const std::string& protocol, const std::string& places) {
+    Config config = config_of(R"({"name":"l","tcp":{"host":"h","port":5000}})",
+                              R"({"name":"p","link":"l",)" + protocol + R"(,"tags":[]})");
+    const auto added = add_what_if(config, "p " + places + "@200");
+    return added ? config.devices[0].tags.back().point.address.text : added.error().text;
+  };
+  const std::string q = R"("protocol":"mc-3e","model":"Q")";
+  EXPECT_EQ(last_of(q, "WA0..100"), "W100") << "the A is a digit";
+  EXPECT_EQ(last_of(q, "sb0-1f"), "SB1F");
+  EXPECT_EQ(last_of(R"("protocol":"fx-computer-link","model":"FX3U","station":0)", "T0 - 5"),
+            "TN5");
+  EXPECT_EQ(last_of(R"("protocol":"modbus-tcp")", "40101..40120"), "hr:119");
+}
+
 TEST(PlanReport, AWhatIfCostsAsMuchAsTheTagsWould) {
   Config config = config_of(kSerial, plc(kLarge));
   ASSERT_TRUE(add_what_if(config, "p D100..D131@1000"));
