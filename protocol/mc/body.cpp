@@ -84,7 +84,7 @@ void Body::device(std::uint16_t space_id, std::uint32_t bit) {
     error_ = std::string(kind.letters) + " has no short name";
   std::string name(long_codes_ ? kind.letters : kind.ascii);
   name.resize(long_codes_ ? 4 : 2, '*');
-  const std::string digits = digits_of(number, base_of(dialect_.model, space));
+  const std::string digits = digits_of(number, ascii_base_of(dialect_.model, space));
   const std::size_t room = long_codes_ ? 8 : 6;
   name.append(room - std::min(room, digits.size()), '0').append(digits);
   out_.insert(out_.end(), name.begin(), name.end());
@@ -101,7 +101,7 @@ std::string why_not_named(const Dialect& dialect, Space space, std::uint32_t num
   // Six digits, in binary code as three bytes, or eight with the codes of iQ-R.
   std::uint64_t beyond = 1;
   for (int digit = 0; digit < (long_codes ? 8 : 6); ++digit)
-    beyond *= is_binary ? 16 : base_of(dialect.model, space);
+    beyond *= is_binary ? 16 : ascii_base_of(dialect.model, space);
   if (number < beyond && is_binary) return {};
   const std::string name = device_name(dialect.model, space, number);
   const std::string cure =

@@ -88,13 +88,14 @@ constexpr std::array<DeviceKind, kSpaces> kKinds = {{
 struct Counts {
   std::uint32_t fx3u = 0, fx3g = 0, iq_f = 0, q_l = 0, iq_r = 0;
 };
-// FX3: tables of JY997D45801 and JY997D18101. The others are from product knowledge, unverified. An
-// iQ-R has at most 10117632 words of device memory; each count assumes that all are of one kind.
+// FX3: tables of JY997D45801 and JY997D18101. DX and DY of Q and L: as ascii_base_of(). The others
+// are from product knowledge, unverified. An iQ-R has at most 10117632 words of device memory; each
+// count assumes that all are of one kind.
 constexpr std::array<Counts, kSpaces> kCounts = {{
     {0400, 0200, 02000, 0x2000, 0x3000},    // X
     {0400, 0200, 02000, 0x2000, 0x3000},    // Y
-    {0, 0, 0, 0x2000, 0x3000},              // DX
-    {0, 0, 0, 0x2000, 0x3000},              // DY
+    {0, 0, 0, 0x1000, 0x3000},              // DX
+    {0, 0, 0, 0x1000, 0x3000},              // DY
     {7680, 7680, 32768, 61440, 161882112},  // M
     {8512, 8512, 0, 0, 0},                  // M8000
     {0, 0, 32768, 32768, 32768},            // L
@@ -428,6 +429,11 @@ std::optional<Space> space_coded_1e(std::uint16_t one_e) {
 
 std::uint32_t base_of(Model model, Space space) {
   return base_of(series_of(model), kind_of(space).numbering);
+}
+
+// QnUCPU user's manual (function explanation), table 6.44: devices of the serial communication.
+std::uint32_t ascii_base_of(Model model, Space space) {
+  return space == Space::zr ? 16 : base_of(model, space);
 }
 
 std::optional<Numbers> numbers_of(Model model, Space space) {

@@ -118,6 +118,9 @@ std::optional<Space> space_coded_1e(std::uint16_t one_e);
 /// Returns 8, 10 or 16; 16 for X and Y of an unknown model.
 std::uint32_t base_of(Model model, Space space);
 
+/// The same for the digits of a number in ASCII code: 16 for ZR, whose names are decimal.
+std::uint32_t ascii_base_of(Model model, Space space);
+
 /// Device numbers, both ends inclusive. X17 of an FX is number 15.
 struct Numbers {
   std::uint32_t first = 0;

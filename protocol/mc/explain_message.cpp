@@ -194,7 +194,7 @@ std::optional<FrameDevice> MessageWalk::device_in(ByteView wire) {
   } else {
     const std::size_t letters = is_long() ? 4 : 2;
     space = space_coded(as_text(wire.first(letters)));
-    if (space) number = digits_in(wire.subspan(letters), base_of(model_, *space));
+    if (space) number = digits_in(wire.subspan(letters), ascii_base_of(model_, *space));
   }
   if (!space || !number) {
     fault("not a device: " + data_text(form_, wire));

@@ -74,6 +74,7 @@ unsigned mc_base_of(Kind kind) {
     case Kind::w:
     case Kind::sb:
     case Kind::sw:
+    case Kind::zr:
       return 16;
     default:
       return 10;

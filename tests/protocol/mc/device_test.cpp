@@ -272,8 +272,8 @@ TEST(McDevice, EachKindHasTheCodesAndTheLastDeviceOfTheManuals) {
   const Kind kinds[] = {
       {Space::x, "X", 0x9C, "X*", "X***", 0x5820, {"377", "177", "1777", "1FFF", "2FFF"}},
       {Space::y, "Y", 0x9D, "Y*", "Y***", 0x5920, {"377", "177", "1777", "1FFF", "2FFF"}},
-      {Space::dx, "DX", 0xA2, "DX", "DX**", 0, {"", "", "", "1FFF", "2FFF"}},
-      {Space::dy, "DY", 0xA3, "DY", "DY**", 0, {"", "", "", "1FFF", "2FFF"}},
+      {Space::dx, "DX", 0xA2, "DX", "DX**", 0, {"", "", "", "FFF", "2FFF"}},
+      {Space::dy, "DY", 0xA3, "DY", "DY**", 0, {"", "", "", "FFF", "2FFF"}},
       {Space::m, "M", 0x90, "M*", "M***", 0x4D20, {"7679", "7679", "32767", "61439", "161882111"}},
       {Space::special_m, "M", 0x90, "M*", "", 0x4D20, {"8511", "8511", "", "", ""}},
       {Space::l, "L", 0x92, "L*", "L***", 0, {"", "", "32767", "32767", "32767"}},

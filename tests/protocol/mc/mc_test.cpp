@@ -340,9 +340,22 @@ TEST(McMessages, ANumberWithTooManyDigitsIsRefusedAndNeverShortened) {
   expect_says(why_not(unknown, Force{kM, 16777316, true}), "M16777316");
   EXPECT_TRUE(codec(Frame::e3, Model::iq_r).parse_address("M16777316", std::nullopt));
   const Mc ascii = codec(Frame::e3, Model::q, Code::ascii);
-  EXPECT_TRUE(ascii.parse_address("ZR999999", std::nullopt));
-  expect_says(error_of(ascii.parse_address("ZR1000000", std::nullopt)).text, "use `code` binary");
-  EXPECT_TRUE(codec(Frame::e3, Model::q).parse_address("ZR1000000", std::nullopt));
+  EXPECT_TRUE(ascii.parse_address("D999999", std::nullopt));
+  expect_says(error_of(ascii.parse_address("D1000000", std::nullopt)).text, "use `code` binary");
+  EXPECT_TRUE(codec(Frame::e3, Model::q).parse_address("D1000000", std::nullopt));
+}
+
+TEST(McMessages, FileRegistersHaveHexadecimalDigitsInAsciiCode) {
+  const Mc ascii = codec(Frame::e3, Model::q, Code::ascii);
+  for (const auto& [name, digits] : {std::pair("ZR255", "ZR0000FF"), {"ZR4184063", "ZR3FD7FF"}}) {
+    const auto address = ascii.parse_address(name, std::nullopt);
+    ASSERT_TRUE(address) << name;
+    const auto frame = ascii.encode(Read{address->span, kWordWay}, 1);
+    ASSERT_TRUE(frame) << name;
+    const std::string text(frame->begin(), frame->end());
+    EXPECT_NE(text.find(std::string("04010000") + digits + "0001"), text.npos) << text;
+    EXPECT_EQ(ascii.explain(*frame, Direction::request).device, name);
+  }
 }
 
 TEST(McMessages, InAsciiSomeDevicesOfAnFx5HaveNoCertainName) {
