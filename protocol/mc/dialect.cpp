@@ -106,7 +106,7 @@ std::vector<GatherCommand> gathers(const Dialect& dialect) {
 
 Result<ReadWay> way_of(const Dialect& dialect, const Read& read) {
   return way_for(
-      read_ways(dialect, read.span.space), plain_way(read.way), read.span,
+      read_ways(dialect, read.span.space), read.way, read.span,
       [&] { return device_name(dialect.model, read.span); }, "read in this way");
 }
 

@@ -52,11 +52,9 @@ inline constexpr std::uint8_t kBlockWay = 4;
 /// GatherCommand::gather: 0403 and 0406.
 inline constexpr std::uint8_t kRandomRead = 1;
 inline constexpr std::uint8_t kBlockRead = 2;
-/// Added to a way after an iQ-R has refused its own device codes: selects those of Q and L.
+/// Added to the way of a write after an iQ-R has refused its own device codes: selects those of Q
+/// and L.
 inline constexpr std::uint8_t kPlainCodes = 0x80;
-constexpr std::uint8_t plain_way(std::uint8_t way) {
-  return way & static_cast<std::uint8_t>(~kPlainCodes);
-}
 /// True if requests by this way have the 2-byte codes and 4-byte numbers of iQ-R.
 bool has_long_codes(const Dialect& dialect, std::uint8_t way);
 

@@ -274,8 +274,7 @@ std::optional<Request> Mc::probe(std::uint32_t number) const {
 }
 
 std::uint32_t Mc::shorter_by(const Read& read) const {
-  const std::uint8_t way = plain_way(read.way);
-  return way == kBitWay ? 2 : (way == kWordWay ? 16 : 32);
+  return read.way == kBitWay ? 2 : (read.way == kWordWay ? 16 : 32);
 }
 
 RefusalMeaning Mc::meaning_of(const Request& request, int device_code) const {
@@ -296,7 +295,6 @@ std::optional<Request> Mc::instead_of(const Request& request, int device_code) c
   // output.
   if (!has_other || depends_on_base(request)) return std::nullopt;
   Request other = request;
-  if (auto* read = std::get_if<Read>(&other)) read->way |= kPlainCodes;
   if (auto* write = std::get_if<Write>(&other)) write->way |= kPlainCodes;
   if (auto* force = std::get_if<Force>(&other)) force->way |= kPlainCodes;
   if (auto* scatter = std::get_if<Scatter>(&other))

@@ -181,10 +181,9 @@ Gather parts_of(const Read& read, const ReadWay& by) {
   if (by.gather != 0) return {{{read.span, read.way, by.gather}}};
   const std::uint32_t unit_bits = by.unit_bits;
   Gather gather;
-  const auto way = static_cast<std::uint8_t>(kRandomWay | (read.way & kPlainCodes));
   for (std::uint32_t done = 0; done < read.span.bits; done += unit_bits)
     gather.parts.push_back(
-        {{read.span.space, read.span.first_bit + done, unit_bits}, way, kRandomRead});
+        {{read.span.space, read.span.first_bit + done, unit_bits}, kRandomWay, kRandomRead});
   return gather;
 }
 
@@ -251,7 +250,7 @@ Result<Bytes> encode_control(const Dialect& dialect, Control::Kind kind) {
 }
 
 std::size_t read_size(Code code, const Read& read) {
-  if (plain_way(read.way) != kBitWay) return wire_size(code, read.span.bits / 8);
+  if (read.way != kBitWay) return wire_size(code, read.span.bits / 8);
   return code == Code::ascii ? read.span.bits : (read.span.bits + 1) / 2;
 }
 
@@ -283,9 +282,9 @@ std::size_t answer_size(const Dialect& dialect, const Request& request) {
 
 Result<Bytes> decode_answer(const Dialect& dialect, const Request& request, ByteView data) {
   if (const auto* read = std::get_if<Read>(&request)) {
-    if (plain_way(read->way) == kBitWay) return bits_in(dialect.code, data, read->span.bits);
+    if (read->way == kBitWay) return bits_in(dialect.code, data, read->span.bits);
     const auto space = static_cast<Space>(read->span.space);
-    const bool pairs = plain_way(read->way) == kRandomWay && read->span.bits == 32;
+    const bool pairs = read->way == kRandomWay && read->span.bits == 32;
     return image_in(dialect.code, data, pairs || kind_of(space).bits == 32 ? 4 : 2);
   }
   if (const auto* gather = std::get_if<Gather>(&request))
