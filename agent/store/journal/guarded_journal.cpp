@@ -94,10 +94,12 @@ std::optional<JournalEntry> GuardedJournal::find(const std::string& device, cons
 }
 
 std::vector<KnownId> GuardedJournal::known_ids(const std::string& device) {
+  if (device.empty()) return journal_.known_ids();
   return guard_.ask<std::vector<KnownId>>([this, device] { return journal_.known_ids(device); });
 }
 
 std::vector<JournalEntry> GuardedJournal::unacknowledged(const std::string& device) {
+  if (device.empty()) return journal_.unacknowledged();
   return guard_.ask<std::vector<JournalEntry>>(
       [this, device] { return journal_.unacknowledged(device); });
 }

@@ -84,6 +84,8 @@ class GuardedJournal final : public CommandJournal {
                    std::string total_ms = {}) override;
   CommandStarts* starts() override { return &marker_; }
   std::optional<JournalEntry> find(const std::string& device, const std::string& id) override;
+  /// Without a device, these read on the caller's thread, however slow the disk is. Call so only
+  /// before the uplink starts: with part of the ids the agent would repeat commands.
   std::vector<KnownId> known_ids(const std::string& device = {}) override;
   std::vector<JournalEntry> unacknowledged(const std::string& device = {}) override;
 

@@ -208,6 +208,17 @@ TEST_F(GuardedStoreTest, CommandThatWasRefusedHasItsResultInTheJournal) {
   EXPECT_EQ(test::audit_of(shelf).size(), 1U) << "it came, and the audit says so";
 }
 
+TEST_F(GuardedStoreTest, JournalIsReadAtTheStartHoweverLongThatTakes) {
+  shelf.record_acknowledged(shelf.arrived("known", "{}"));
+  shelf.record(shelf.arrived("published", "{}"));
+  inside().upkeep(kStart, kNow);
+  store.set_patience(0ms);
+  EXPECT_EQ(store.journal().known_ids().size(), 2U);
+  EXPECT_EQ(store.journal().unacknowledged().size(), 1U);
+  EXPECT_FALSE(store.hangs());
+  store.set_patience(1h);
+}
+
 TEST_F(GuardedStoreTest, AuditThatFindsNoRoomIsCounted) {
   freeze();
   EXPECT_FALSE(store.journal().journal(std::vector{entry("a")}));
