@@ -46,11 +46,14 @@ void Store::open_late() {
   samples_.begin_run();
   // If the clock started in the past, commands of this run have lower numbers than earlier ones.
   journal_.age_earlier_runs();
-  FoundLate found;
-  found.ids = journal_.known_ids();
-  found.unacknowledged = journal_.unacknowledged();
-  if (disk_.is_open()) found.numbers = numbers_.above_ours();  // closed if reading found damage
-  found_late_ = std::move(found);
+  find_commands();
+  if (disk_.is_open()) found_late_->numbers = numbers_.above_ours();  // closed if damaged
+}
+
+void Store::find_commands() {
+  if (!found_late_) found_late_.emplace();
+  found_late_->ids = journal_.known_ids();
+  found_late_->unacknowledged = journal_.unacknowledged();
 }
 
 /// An open file that has lost its name accepts writes, but no later run finds them.
@@ -68,6 +71,8 @@ bool Store::try_the_disk(SteadyTime now) {
   if (now < *try_at_) return false;
   try_at_ = now + kTryAgain;
   disk_.is_open() ? disk_.try_to_write() : open_late();
+  // This run's commands still wait in memory.
+  if (is_writable() && journal_.take_unread()) find_commands();
   numbers_.write_all();
   disk_.move_stored_times();
   if (!disk_.flush()) return false;

@@ -76,19 +76,21 @@ class Store final {
   /// numbers used. Does nothing while the disk refuses writes.
   void close();
 
-  /// Left by earlier runs in a file that could not be opened at the start of this one.
+  /// Left by earlier runs in a file that could not be opened, or whose commands could not be read,
+  /// at the start of this one.
   struct FoundLate {
     std::vector<KnownId> ids;                      ///< from known_ids()
     std::vector<JournalEntry> unacknowledged;      ///< from unacknowledged()
     std::map<std::string, std::uint64_t> numbers;  ///< by device, if above this run's
   };
-  /// Returns it once after such a file has opened. Until then none of its ids were known.
+  /// Returns it once after such a file was read. Until then none of its ids were known.
   std::optional<FoundLate> take_found_late() { return std::exchange(found_late_, std::nullopt); }
 
  private:
   bool is_flush_due(SteadyTime now) const;
   bool try_the_disk(SteadyTime now);
   void open_late();
+  void find_commands();
   void look_for_the_files();
 
   const StoreConfig config_;

@@ -56,15 +56,21 @@ std::optional<JournalEntry> StoredJournal::find(const std::string& device, const
   return found;
 }
 
+void StoredJournal::read(const std::string& device, const StoreDisk::Work& work) {
+  if (!table_ || is_unread_ || disk_.attempt("read", work)) return;
+  // A damaged file is closed, or a fresh one has replaced it.
+  if (device.empty() && disk_.is_open() && !disk_.is_writable()) is_unread_ = true;
+}
+
 std::vector<KnownId> StoredJournal::known_ids(const std::string& device) {
   std::vector<KnownId> ids;
-  if (table_) disk_.attempt("read", [&] { ids = table_->known_ids(device); });
+  read(device, [&] { ids = table_->known_ids(device); });
   return ids;
 }
 
 std::vector<JournalEntry> StoredJournal::unacknowledged(const std::string& device) {
   std::vector<JournalEntry> entries;
-  if (table_) disk_.attempt("read", [&] { entries = table_->unacknowledged(device); });
+  read(device, [&] { entries = table_->unacknowledged(device); });
   for (JournalEntry& entry : entries)
     entry.surely_not_sent = entry.result.empty() && started_.surely_not_sent(entry.number);
   return entries;

@@ -37,6 +37,9 @@ class StoredJournal final : public CommandJournal, public StorePart {
   std::optional<JournalEntry> find(const std::string& device, const std::string& id) override;
   std::vector<KnownId> known_ids(const std::string& device = {}) override;
   std::vector<JournalEntry> unacknowledged(const std::string& device = {}) override;
+  /// True if one of these has failed for all devices, but the file is not damaged. Until this call
+  /// they return nothing more. Call them again when the disk is writable.
+  bool take_unread() { return std::exchange(is_unread_, false); }
 
   /// Bytes of commands in the file: as committed, and as the open commit will leave them.
   std::uint64_t bytes() const { return table_ ? table_->bytes() : 0; }
@@ -79,6 +82,7 @@ class StoredJournal final : public CommandJournal, public StorePart {
   /// had acknowledged before a command came is not published again after a crash. Returns false if
   /// nothing was written.
   bool commit(std::span<const JournalEntry> entries);
+  void read(const std::string& device, const StoreDisk::Work& work);
   /// Keeps the entry in memory until a commit writes it.
   void keep(JournalEntry entry);
 
@@ -91,6 +95,7 @@ class StoredJournal final : public CommandJournal, public StorePart {
   std::vector<Acknowledgement> to_acknowledge_;  ///< acknowledged by the broker, not written yet
   std::size_t written_ = 0;                      ///< of waiting_, in the open commit
   bool is_acknowledged_ = false;                 ///< to_acknowledge_ is in the open commit
+  bool is_unread_ = false;                       ///< until take_unread()
   std::uint64_t first_of_run_ = 0;
   std::uint64_t not_to_be_shrunk_ = 0;  ///< bytes of commands that shrink() could not reduce
 };

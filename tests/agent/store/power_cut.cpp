@@ -59,7 +59,10 @@ int character(sqlite3_file*) { return 0; }
 int shm_map(sqlite3_file* file, int page, int size, int extend, void volatile** at) {
   return real(file)->pMethods->xShmMap(real(file), page, size, extend, at);
 }
+// Every transaction needs a lock, also one that finds all its pages in memory.
 int shm_lock(sqlite3_file* file, int offset, int count, int flags) {
+  if (disk != nullptr && disk->is_failing() && (flags & SQLITE_SHM_LOCK) != 0)
+    return SQLITE_IOERR_SHMLOCK;
   return real(file)->pMethods->xShmLock(real(file), offset, count, flags);
 }
 void shm_barrier(sqlite3_file* file) { real(file)->pMethods->xShmBarrier(real(file)); }

@@ -5,6 +5,7 @@
 
 #include <sqlite3.h>
 
+#include <atomic>
 #include <condition_variable>
 #include <cstdint>
 #include <functional>
@@ -33,6 +34,9 @@ class PowerCut final {
   /// Blocks every write until thaw(), as a frozen file system does.
   void freeze();
   void thaw();
+  /// Lets every read and commit fail while true, as a bad cable does. The file stays whole.
+  void set_failing(bool fails) { is_failing_ = fails; }
+  bool is_failing() const { return is_failing_; }
   /// True while a write is blocked.
   bool is_awaited() const;
 
@@ -58,6 +62,7 @@ class PowerCut final {
   mutable std::condition_variable thawed_;
   mutable int waiting_ = 0;
   bool is_frozen_ = false;
+  std::atomic<bool> is_failing_ = false;
   std::map<std::string, File> files_;
 };
 

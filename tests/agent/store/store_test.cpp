@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "tests/agent/store/power_cut.h"
 #include "tests/agent/store/shelf.h"
 
 namespace fxagent {
@@ -78,6 +79,35 @@ TEST(Store, DirectoryThatCannotBeMadeIsTriedAgain) {
   shelf.store->upkeep(kStart + 10s, kNow);
   EXPECT_EQ(shelf.store->state(), "disk");
   EXPECT_TRUE(shelf.add(rows(1, 1)));
+}
+
+TEST(Store, CommandsThatCouldNotBeReadAtTheStartAreFoundLater) {
+  PowerCut disk;
+  OpenShelf shelf;
+  shelf.record_acknowledged(shelf.arrived("known", "{}"));
+  ASSERT_TRUE(shelf.journal(shelf.arrived("interrupted")));
+  shelf.open();
+  disk.set_failing(true);
+  EXPECT_TRUE(shelf.store->journal().known_ids().empty());
+  EXPECT_EQ(shelf.store->state(), "memory");
+  shelf.store->upkeep(kStart, kNow);
+  shelf.store->upkeep(kStart + 10s, kNow);
+  EXPECT_FALSE(shelf.store->take_found_late());
+  EXPECT_FALSE(shelf.journal(shelf.arrived("of this run")));
+  disk.set_failing(false);
+  EXPECT_TRUE(shelf.store->journal().unacknowledged().empty()) << "until it is read again";
+  shelf.store->upkeep(kStart + 20s, kNow);
+  EXPECT_EQ(shelf.store->state(), "disk");
+  const auto late = shelf.store->take_found_late();
+  ASSERT_TRUE(late);
+  ASSERT_EQ(late->ids.size(), 1U);
+  EXPECT_EQ(late->ids[0].id, "known");
+  ASSERT_EQ(late->unacknowledged.size(), 1U);
+  EXPECT_EQ(late->unacknowledged[0].id, "interrupted");
+  EXPECT_TRUE(late->numbers.empty());
+  shelf.store->upkeep(kStart + 30s, kNow);
+  EXPECT_FALSE(shelf.store->take_found_late());
+  EXPECT_TRUE(shelf.found("of this run"));
 }
 
 TEST(Store, SecondAgentDoesNotGetTheSameFile) {
