@@ -136,9 +136,7 @@ std::map<std::string, std::uint64_t> SequenceNumbers::above_ours() {
 }
 
 /// Creates an empty marker file, which has room even on a full disk.
-void SequenceNumbers::mark_as_behind() {
-  if (!std::exchange(is_behind_, true)) behind_.write({});
-}
+void SequenceNumbers::mark_as_behind() { is_behind_ = is_behind_ || behind_.write({}).empty(); }
 
 void SequenceNumbers::mark_as_known() {
   if (std::exchange(is_behind_, false)) behind_.remove();

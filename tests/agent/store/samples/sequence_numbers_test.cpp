@@ -119,6 +119,24 @@ TEST(SequenceNumbers, WithAlwaysNumbersThatTheDiskRefusedAreNotUsedAgain) {
   EXPECT_EQ(shelf.begin(), next);
 }
 
+TEST(SequenceNumbers, MarkThatCouldNotBeMadeIsMadeWithALaterNumber) {
+  Shelf shelf;
+  shelf.config.sync_always = true;
+  shelf.open();
+  std::uint64_t last = shelf.begin();
+  const std::string in_the_way = shelf.config.path + "/fxagent.db.behind.new";
+  std::filesystem::create_directory(in_the_way);
+  {
+    const DiskLimit full(1000);
+    shelf.store->numbers().used("a", ++last);
+    ASSERT_FALSE(shelf.add(rows(last, last)));
+    std::filesystem::remove(in_the_way);
+    shelf.store->numbers().used("a", ++last);
+  }
+  shelf.open(5);
+  EXPECT_GT(shelf.begin(5), last);
+}
+
 TEST(SequenceNumbers, NumbersThatTheDiskRefusedAreNoneBeforeTheClock) {
   constexpr std::int64_t kYear = std::int64_t{365} * 24 * 3600 * 1000;
   Shelf shelf;
