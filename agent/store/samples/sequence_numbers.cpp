@@ -22,8 +22,21 @@ std::vector<std::uint64_t> SequenceNumbers::begin(std::span<const std::string> d
   is_behind_ = ::access(behind_.path().c_str(), F_OK) == 0;
   std::map<std::string, std::uint64_t> reserved;
   auto begun = add(devices, utc_ms, reserved);
+  // The mark counts for devices that have left the config too, and is removed here.
+  if (is_behind_) add(names_on_disk(), utc_ms, reserved);
   if (write(reserved, Meaning::reserved)) mark_as_known();
   return begun;
+}
+
+std::vector<std::string> SequenceNumbers::names_on_disk() {
+  std::vector<std::string> names;
+  if (!disk_.is_open()) return names;
+  disk_.read([&] {
+    SQLite::Statement known(disk_.database(), "SELECT name FROM devices");
+    sqlite::each(known,
+                 [&](const SQLite::Statement& row) { names.emplace_back(sqlite::text(row, 0)); });
+  });
+  return names;
 }
 
 std::vector<std::uint64_t> SequenceNumbers::join(std::span<const std::string> devices,

@@ -65,6 +65,7 @@ class SequenceNumbers final : public StorePart {
   /// Meaning of a number in the file: the end of a block, or the last one used.
   enum class Meaning : std::uint8_t { reserved, exact };
 
+  std::vector<std::string> names_on_disk();
   std::vector<std::uint64_t> add(std::span<const std::string> devices, std::int64_t utc_ms,
                                  std::map<std::string, std::uint64_t>& reserved);
   bool write(const std::map<std::string, std::uint64_t>& numbers, Meaning meaning);

@@ -137,6 +137,23 @@ TEST(SequenceNumbers, MarkThatCouldNotBeMadeIsMadeWithALaterNumber) {
   EXPECT_GT(shelf.begin(5), last);
 }
 
+TEST(SequenceNumbers, MarkCountsForADeviceThatHasLeftTheConfig) {
+  const std::vector<std::string> both{"a", "b"};
+  Shelf shelf;
+  shelf.config.sync_always = true;
+  shelf.open();
+  const std::uint64_t last = shelf.store->numbers().begin(both, kNow)[1] + 1;
+  {
+    const DiskLimit full(1000);
+    shelf.store->numbers().used("b", last);
+    ASSERT_FALSE(shelf.add(rows(last, last, "b")));
+  }
+  shelf.open(5);
+  shelf.begin(5);
+  shelf.open(5);
+  EXPECT_GT(shelf.store->numbers().begin(both, 5)[1], last);
+}
+
 TEST(SequenceNumbers, NumbersThatTheDiskRefusedAreNoneBeforeTheClock) {
   constexpr std::int64_t kYear = std::int64_t{365} * 24 * 3600 * 1000;
   Shelf shelf;
