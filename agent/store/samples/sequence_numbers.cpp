@@ -24,7 +24,10 @@ std::vector<std::uint64_t> SequenceNumbers::begin(std::span<const std::string> d
   auto begun = add(devices, utc_ms, reserved);
   // The mark counts for devices that have left the config too, and is removed here.
   if (is_behind_) add(names_on_disk(), utc_ms, reserved);
-  if (write(reserved, Meaning::reserved)) mark_as_known();
+  if (write(reserved, Meaning::reserved))
+    mark_as_known();
+  else if (!config_.sync_always)  // else no number is in use yet
+    refused();
   return begun;
 }
 
@@ -102,7 +105,7 @@ void SequenceNumbers::reserve() {
     numbers.reserved = numbers.last + kBlock;
     reserved[device] = numbers.reserved;
   }
-  write(reserved, Meaning::reserved);
+  if (!write(reserved, Meaning::reserved)) refused();
 }
 
 /// Synchronised with the disk: a power cut must not bring a number back.
@@ -132,7 +135,7 @@ void SequenceNumbers::write_with_samples(const std::map<std::string, std::uint64
 }
 
 void SequenceNumbers::refused() {
-  if (config_.sync_always && !disk_.is_writable()) mark_as_behind();
+  if ((config_.sync_always || disk_.is_open()) && !disk_.is_writable()) mark_as_behind();
 }
 
 std::map<std::string, std::uint64_t> SequenceNumbers::above_ours() {

@@ -48,7 +48,7 @@ class SequenceNumbers final : public StorePart {
   /// Within the commit of samples with these highest numbers: writes them with `sync: always`.
   /// Throws SQLite::Exception.
   void write_with_samples(const std::map<std::string, std::uint64_t>& highest);
-  /// Call when the disk has refused samples, and their numbers with them.
+  /// Makes the marker if the disk refuses to write: it may lack numbers that were used.
   void refused();
   /// Returns, for each device of this run, the number in the file if it is above this run's.
   std::map<std::string, std::uint64_t> above_ours();

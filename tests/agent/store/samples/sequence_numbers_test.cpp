@@ -154,6 +154,30 @@ TEST(SequenceNumbers, MarkCountsForADeviceThatHasLeftTheConfig) {
   EXPECT_GT(shelf.store->numbers().begin(both, 5)[1], last);
 }
 
+TEST(SequenceNumbers, NumbersThatAFullDiskDidNotReserveAreNotUsedAgain) {
+  OpenShelf shelf;
+  const std::uint64_t last = shelf.begin() + 2 * SequenceNumbers::kBlock;
+  {
+    const DiskLimit full(1000);
+    shelf.store->numbers().used("a", last);
+  }
+  shelf.open(5);
+  EXPECT_GT(shelf.begin(5), last);
+}
+
+TEST(SequenceNumbers, FirstNumbersOfARunOnAFullDiskAreNotUsedAgain) {
+  constexpr std::int64_t kLater = kNow + 2 * SequenceNumbers::kBlock;
+  OpenShelf shelf;
+  shelf.begin();
+  shelf.open(kLater);
+  {
+    const DiskLimit full(1000);
+    ASSERT_EQ(shelf.begin(kLater), static_cast<std::uint64_t>(kLater));
+  }
+  shelf.open(5);
+  EXPECT_GT(shelf.begin(5), static_cast<std::uint64_t>(kLater));
+}
+
 TEST(SequenceNumbers, NumbersThatTheDiskRefusedAreNoneBeforeTheClock) {
   constexpr std::int64_t kYear = std::int64_t{365} * 24 * 3600 * 1000;
   Shelf shelf;
