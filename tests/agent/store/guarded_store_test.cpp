@@ -244,6 +244,25 @@ TEST_F(GuardedStoreTest, NumbersThatWereUsedMeanwhileAreReserved) {
   EXPECT_GE(shelf.begin(1000), 1000 + 3 * SequenceNumbers::kBlock);
 }
 
+TEST_F(GuardedStoreTest, WithAlwaysNumbersThatWereUsedMeanwhileAreOnDiskAfterwards) {
+  test::Shelf always;
+  always.config.sync_always = true;
+  GuardedStore guarded{always.open(), [this] { answered.release(); }};
+  always.begin(1000);
+  {
+    const test::Frost still(disk);
+    guarded.set_patience(1ms);
+    EXPECT_FALSE(guarded.journal().journal(std::vector{entry("a")}));
+    guarded.samples().used("a", 1005);
+    guarded.set_patience(1h);
+  }
+  answered.acquire();
+  guarded.upkeep(kStart, kNow);
+  always.store.reset();  // like a crash
+  always.open();
+  EXPECT_EQ(always.begin(2000), 1005U);
+}
+
 TEST_F(GuardedStoreTest, EveryHangIsTakenUpAndTheNextOneToo) {
   for (std::uint64_t i = 1; i <= 3; ++i) {
     freeze();
