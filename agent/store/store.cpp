@@ -21,7 +21,6 @@ Store::Store(const StoreConfig& config, std::int64_t utc_ms)
   // Waiting audit records are older than waiting commands, and are written before them.
   disk_.set_parts({&samples_, &audit_, &journal_, &numbers_});
   disk_.open();
-  samples_.count_recovered();
   samples_.begin_run();
   if (!disk_.is_open()) audit_.count_from(static_cast<std::uint64_t>(utc_ms));
   journal_.begin_run(audit_.last_command_number() + 1);
@@ -40,7 +39,6 @@ void Store::open_late() {
   const bool is_own = disk_.was_open();  // it was set aside as damaged, and a fresh one failed too
   disk_.open();
   if (!is_writable()) return;
-  samples_.count_recovered();
   started_.begin_anew(audit_.last_command_number() + 1);
   if (is_own) return;
   samples_.begin_run();

@@ -43,6 +43,7 @@ void StoredSamples::load(SQLite::Database& database) {
       " FROM samples GROUP BY device, grp");
   sqlite::each(groups, [this](const SQLite::Statement& row) {
     const std::uint64_t rows = from_sql(number(row, 2));
+    recovered_ += rows;
     streams_.found({std::string(text(row, 0)), std::string(text(row, 1))}, rows,
                    from_sql(number(row, 3)) + rows * SampleRow::kOverhead,
                    from_sql(number(row, 4)));
@@ -53,6 +54,7 @@ void StoredSamples::load(SQLite::Database& database) {
 void StoredSamples::unload(Rows rows) {
   sql_.reset();
   if (rows == Rows::kept) return;
+  if (rows == Rows::unread) recovered_ -= streams_.rows();
   removed_.clear();
   for (const auto& [device, count] : streams_.clear())
     if (rows == Rows::lost) count_dropped(device, count, StoreLimit::none);

@@ -55,7 +55,8 @@ class StoredSamples final : public StorePart {
   /// The streams of its rows. Memory only.
   const SampleStreams& streams() const { return streams_; }
   std::uint64_t rows() const override { return streams_.rows(); }
-  std::uint64_t recovered() const { return recovered_; }  ///< rows found when a file opened
+  /// Rows found in files that opened, or that were damaged after these rows.
+  std::uint64_t recovered() const { return recovered_; }
   /// Rows dropped since the last call, by device: for lack of room, for age, damaged, or lost with
   /// their file.
   std::map<std::string, std::uint64_t> take_dropped() { return std::exchange(dropped_, {}); }
@@ -67,8 +68,6 @@ class StoredSamples final : public StorePart {
   /// Deletes the oldest rows above max_bytes, with commands counted.
   void drop_excess();
 
-  /// Counts the rows now in the file as left by earlier runs.
-  void count_recovered() { recovered_ += streams_.rows(); }
   /// Rows added after this call count as this run's.
   void begin_run() { first_of_run_ = next_row_id_; }
 

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "agent/store/disk/sqlite.h"
@@ -133,6 +134,25 @@ TEST_F(StoreDamage, StreamOfDamagedRowsAloneIsDroppedAndCounted) {
   EXPECT_EQ(store.samples().remove(*batch), 1U);
   EXPECT_EQ(store.samples().rows(), 0U);
   EXPECT_EQ(store.bytes(), 0U);
+}
+
+TEST_F(StoreDamage, SamplesBeforeTheDamageAreCountedAsFoundAndAsDropped) {
+  make();
+  std::int64_t page = 0;
+  {
+    SQLite::Database database = sqlite::open(shelf_.file());
+    page =
+        database.execAndGet("SELECT rootpage FROM sqlite_master WHERE name = 'orders'").getInt64();
+  }
+  {
+    std::fstream file(shelf_.file(), std::ios::in | std::ios::out | std::ios::binary);
+    file.seekp(4096 * (page - 1));
+    file << std::string(4096, '\xA5');
+  }
+  Store store(shelf_.config, kNow);
+  EXPECT_EQ(store.samples().rows(), 0U);
+  EXPECT_EQ(store.samples().recovered(), 50U);
+  EXPECT_EQ(store.samples().take_dropped()["press1"], 50U);
 }
 
 TEST_F(StoreDamage, FileOfAnotherProgramIsSetAside) {
