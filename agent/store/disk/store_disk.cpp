@@ -201,6 +201,11 @@ void StoreDisk::note_time(SteadyTime now, std::int64_t utc_ms) {
   utc_ms_ = utc_ms;
 }
 
+std::int64_t StoreDisk::machine_start_ms() const {
+  const auto since = noted_at_.value_or(SteadyTime{}).time_since_epoch();
+  return utc_ms_ - std::chrono::duration_cast<milliseconds>(since).count();
+}
+
 void StoreDisk::move_stored_times() {
   if (unmoved_ms_ == 0) return;
   if (commit("clock", [this] { each(&StorePart::move_stored_times, unmoved_ms_); }))

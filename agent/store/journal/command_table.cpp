@@ -263,13 +263,13 @@ void CommandTable::drop_old(std::int64_t utc_ms, std::int64_t max_age_ms) {
   if (changes != 0) changed_ = measure();
 }
 
-void CommandTable::move_times(std::int64_t by_ms, std::uint64_t from_number,
-                              std::int64_t received_ms) {
-  SQLite::Statement move(
-      database_,
-      "UPDATE orders SET received_ms = received_ms + ?1,"
-      " deadline_ms = deadline_ms + ?1 WHERE arrival >= ?2 AND received_ms <= ?3");
-  sqlite::run(move, by_ms, from_number, received_ms);
+void CommandTable::move_times(std::int64_t by_ms, std::uint64_t from_number, std::int64_t from_ms,
+                              std::int64_t to_ms) {
+  SQLite::Statement move(database_,
+                         "UPDATE orders SET received_ms = received_ms + ?1,"
+                         " deadline_ms = deadline_ms + ?1"
+                         " WHERE received_ms <= ?4 AND (arrival >= ?2 OR received_ms >= ?3)");
+  sqlite::run(move, by_ms, from_number, from_ms, to_ms);
 }
 
 void CommandTable::age_acknowledged(std::uint64_t from_number) {

@@ -49,8 +49,10 @@ class CommandTable final {
   /// at least 25 h, and at most kRememberedIds of them per device.
   void drop_old(std::int64_t utc_ms, std::int64_t max_age_ms);
 
-  /// Shifts the times of commands with a number from `from_number` that came up to `received_ms`.
-  void move_times(std::int64_t by_ms, std::uint64_t from_number, std::int64_t received_ms);
+  /// Shifts the times of commands that came from `from_ms` to `to_ms`, and of those that came
+  /// earlier if they have a number from `from_number`.
+  void move_times(std::int64_t by_ms, std::uint64_t from_number, std::int64_t from_ms,
+                  std::int64_t to_ms);
   /// Makes acknowledged commands with a number from `from_number` older than all that follow.
   void age_acknowledged(std::uint64_t from_number);
 

@@ -114,7 +114,8 @@ void StoredJournal::age_earlier_runs() {
 }
 
 void StoredJournal::move_stored_times(std::int64_t by_ms) {
-  table_->move_times(by_ms, first_of_run_, disk_.utc_ms() - by_ms);
+  table_->move_times(by_ms, first_of_run_, disk_.machine_start_ms() - by_ms,
+                     disk_.utc_ms() - by_ms);
 }
 
 bool StoredJournal::has_pending() const { return waiting_.size() != 0 || !to_acknowledge_.empty(); }
