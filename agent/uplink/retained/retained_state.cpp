@@ -116,8 +116,9 @@ void RetainedState::pump(SteadyTime now) {
       published_[taken.key()] = {std::hash<std::string_view>{}(publication.payload), now};
       repairs_.erase(taken.key());
     }
+    const bool clears = publication.payload.empty();
     const std::uint64_t id = outgoing_.send(*this, std::move(publication));
-    flights_.emplace(id, Flight{std::move(taken.key()), taken.mapped().failures});
+    flights_.emplace(id, Flight{std::move(taken.key()), taken.mapped().failures, clears});
   }
 }
 
@@ -132,14 +133,20 @@ Publication RetainedState::publication_of(const Key& key, SteadyTime now) {
     case Item::health:
       return source_.health(now);
     case Item::config_report:
-      // Cleared once.
-      if (config_report_ == "") config_report_.reset();
       return retained(config_.base_topic() + std::string(kReportedTopic),
                       config_report_.value_or(""));
     case Item::clear:
       break;
   }
   return retained(key.topic);
+}
+
+void RetainedState::delivered(std::uint64_t id, SteadyTime) {
+  const auto found = flights_.extract(id);
+  if (found.empty()) return;  // of a removed device
+  const Flight& flight = found.mapped();
+  if (flight.key.item == Item::config_report && flight.clears && config_report_ == "")
+    config_report_.reset();
 }
 
 void RetainedState::failed(const DeliveryFailed& event, SteadyTime now) {

@@ -51,7 +51,8 @@ class RetainedState final : public Outgoing::Sender {
   /// overwritten them.
   void everything_is_due();
   /// Sets the text of {base}/config/reported. Until then nothing is published there. Empty: the
-  /// topic is cleared once. config_report_is_due() publishes it in this connection.
+  /// topic is cleared, until a broker has acknowledged that. config_report_is_due() publishes it in
+  /// this connection.
   void set_config_report(std::string text) { config_report_ = std::move(text); }
   // These, and change(), have an effect only while connected: a connection begins with everything.
   void agent_state_changed() { due_[{Item::agent_state, 0, {}}] = {}; }
@@ -78,7 +79,7 @@ class RetainedState final : public Outgoing::Sender {
   /// Returns the time by which pump() must run, apart from acknowledgements.
   SteadyTime next_wake(SteadyTime now) const;
 
-  void delivered(std::uint64_t id, SteadyTime) override { flights_.erase(id); }
+  void delivered(std::uint64_t id, SteadyTime now) override;
   void failed(const DeliveryFailed& event, SteadyTime now) override;
 
  private:
@@ -95,6 +96,7 @@ class RetainedState final : public Outgoing::Sender {
   struct Flight {
     Key key;
     int failures = 0;
+    bool clears = false;  ///< it has no text
   };
 
   /// The last publication on a topic.

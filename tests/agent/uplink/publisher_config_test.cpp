@@ -108,6 +108,23 @@ TEST_F(PublisherConfig, AReportThatIsClearedWhileTheBrokerIsAwayIsClearedLater) 
   EXPECT_EQ(broker.on(kReported), (std::vector<std::string>{"one", ""}));
 }
 
+TEST_F(PublisherConfig, AReportIsClearedAgainIfTheConnectionBreaksBeforeTheBrokerHasThat) {
+  config.remote.enabled = true;
+  listen();
+  made().own_topics().report_config("one", "");
+  settle();
+  broker.acknowledges = false;
+  made().own_topics().report_config("", "");
+  settle();
+  ASSERT_EQ(broker.on(kReported), (std::vector<std::string>{"one", ""}));
+  broker.acknowledges = true;
+  for (int i = 0; i < 2; ++i) {
+    lose_connection();
+    advance(60s);
+    EXPECT_EQ(broker.on(kReported), (std::vector<std::string>{"one", "", ""})) << "not once more";
+  }
+}
+
 /// Records the sender and the outcome. Publishing the same answer again adds no record.
 TEST(PublisherConfigAudit, AnAnswerThatIsNewsIsARecord) {
   test::Scratch scratch;
