@@ -87,22 +87,26 @@ std::vector<Subscription> PlainProfile::subscriptions() const {
 }
 
 void PlainProfile::connection_began(const Connected&) {
-  is_connected_ = true;
   due_.push_front(retained(state_topic_, kOnline));
-  for (auto& [topic, text] : std::exchange(unseen_, {})) {
-    published_[topic] = std::hash<std::string>{}(text);
-    due_.push_back(value(topic, std::move(text)));
+  for (auto& [topic, shown] : shown_) {
+    if (shown.newest.empty()) continue;
+    shown.published = std::hash<std::string>{}(shown.newest);
+    due_.push_back(value(topic, shown.newest));
   }
 }
 
+/// The next connection begins with the newest values. Topics that are due to be cleared stay so.
 void PlainProfile::connection_ended() {
-  is_connected_ = false;
-  published_.clear();
+  std::erase_if(due_, [](const Publication& each) {
+    return each.retain == Retain::yes && !each.payload.empty();
+  });
+  for (auto& [topic, shown] : shown_) shown.published.reset();
 }
 
-/// A group that is published on change may not be read as changed for hours after the outage.
+/// Keeps the newest values for the next connection: samples that are lost with this one become
+/// history, which is not retained. A group that is published on change may not be read as changed
+/// for hours after the outage.
 void PlainProfile::saw(const Telemetry& sample) {
-  if (is_connected_) return;
   const DeviceConfig& device = config_.devices.at(sample.device);
   const std::string& group = device.groups.at(sample.group).name;
   for (const TagReading& reading : sample.readings) {
@@ -112,7 +116,7 @@ void PlainProfile::saw(const Telemetry& sample) {
     recorded.scaled = tag.point.scaled();
     recorded.bad = reading.bad;
     recorded.value = reading.value;
-    unseen_[topics_.of(device.name, group, tag.name)] = json::bare_value(recorded);
+    shown_[topics_.of(device.name, group, tag.name)].newest = json::bare_value(recorded);
   }
 }
 
@@ -146,11 +150,11 @@ void PlainProfile::change(const ConfigChange& change) {
   for (const DeviceConfig& device : config_.devices)
     for (const TagConfig& tag : device.tags)
       topics.insert(topics_.of(device.name, device.groups.at(tag.group).name, tag.name));
-  const auto is_gone = [&](const auto& entry) { return !topics.contains(entry.first); };
-  for (const auto& entry : published_)
-    if (is_gone(entry)) due_.push_back(value(entry.first, ""));
-  std::erase_if(published_, is_gone);
-  std::erase_if(unseen_, is_gone);
+  std::erase_if(shown_, [&](const auto& entry) {
+    if (topics.contains(entry.first)) return false;
+    due_.push_back(value(entry.first, ""));
+    return true;
+  });
 }
 
 std::vector<Publication> PlainProfile::due(SteadyTime, std::int64_t) {
@@ -173,8 +177,9 @@ std::vector<Publication> PlainProfile::sample(const StreamKey& stream, const Sam
     const std::string topic = topics_.of(stream.device, stream.group, reading.name);
     std::string text = json::bare_value(reading);
     const std::size_t hash = std::hash<std::string>{}(text);
-    const auto [place, is_first] = published_.try_emplace(topic, hash);
-    if (!is_first && std::exchange(place->second, hash) == hash) continue;
+    const auto shown = shown_.find(topic);
+    if (shown == shown_.end()) continue;  // the config has it no more
+    if (std::exchange(shown->second.published, hash) == hash) continue;
     changed.push_back(value(topic, std::move(text)));
   }
   return changed;
@@ -183,8 +188,10 @@ std::vector<Publication> PlainProfile::sample(const StreamKey& stream, const Sam
 void PlainProfile::undelivered(const std::string& device) {
   for (const DeviceConfig& each : config_.devices) {
     if (each.name != device) continue;
-    for (const TagConfig& tag : each.tags)
-      published_.erase(topics_.of(device, each.groups.at(tag.group).name, tag.name));
+    for (const TagConfig& tag : each.tags) {
+      const auto shown = shown_.find(topics_.of(device, each.groups.at(tag.group).name, tag.name));
+      if (shown != shown_.end()) shown->second.published.reset();
+    }
   }
 }
 

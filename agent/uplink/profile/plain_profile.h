@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <deque>
 #include <memory>
+#include <optional>
 #include <string>
 #include <unordered_map>
 #include <utility>
@@ -40,6 +41,11 @@ class PlainProfile final : public Profile {
 
  private:
   class History;
+  /// The value of a tag.
+  struct Shown {
+    std::string newest{};                    ///< text of the last reading; empty: none
+    std::optional<std::size_t> published{};  ///< hash of the last text in this connection
+  };
 
   void find_writable();
   Publication value(const std::string& topic, std::string text) const;
@@ -53,11 +59,7 @@ class PlainProfile final : public Profile {
   const std::function<std::string()> new_id_;
   /// Device and tag by topic, of the tags that may be written.
   std::unordered_map<std::string, std::pair<std::string, std::string>> writable_;
-  /// Hash of the text published last in this connection, by topic.
-  std::unordered_map<std::string, std::size_t> published_;
-  /// The newest text of each tag that was read without a connection, by topic.
-  std::unordered_map<std::string, std::string> unseen_;
-  bool is_connected_ = false;
+  std::unordered_map<std::string, Shown> shown_;  ///< by topic
   std::deque<Publication> due_;
 };
 

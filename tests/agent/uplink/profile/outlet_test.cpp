@@ -65,6 +65,18 @@ struct OutletTest : testing::TestWithParam<ProfileConfig::Kind> {
     batch.telemetry[0].readings[0].value = Value(value);
     outlet_->take(batch, now_);
   }
+  void remove_press1() {
+    Config wanted = config_;
+    wanted.devices = {config_.devices[1]};
+    const ConfigChange change = change_between(config_, std::move(wanted));
+    config_ = change.config;
+    outlet_->change(change, now_);
+  }
+  void lose_connection() {
+    broker_.log.clear();
+    broker_.lose();
+    settle();
+  }
   /// Stops, and steps when something has happened or is due. Returns the time that the stop took.
   SteadyTime::duration stop() {
     const SteadyTime begin = now_;
@@ -236,6 +248,47 @@ TEST_P(OutletTest, IdleSessionDoesNotWakeAtOnceAgain) {
   EXPECT_GT(outlet_->step(now_), now_);
 }
 
+struct PlainOutletTest : OutletTest {};
+const std::string kTemp = "fx/plant-a/edge7/press1/temp";
+
+TEST_P(PlainOutletTest, ValueThatIsLostWithTheConnectionIsPublishedInTheNextOne) {
+  settle(1s);
+  take(1.0);
+  settle();
+  broker_.acknowledges = false;
+  take(2.0);
+  settle();
+  ASSERT_EQ(broker_.on(kTemp).back(), "2");
+  for (int i = 0; i < 3; ++i) {
+    lose_connection();
+    settle(10s);
+    ASSERT_EQ(broker_.on(kTemp), std::vector<std::string>{"2"});
+  }
+}
+
+TEST_P(PlainOutletTest, TopicOfARemovedDeviceIsClearedThoughASampleWaits) {
+  settle(1s);
+  take(1.0);
+  settle();
+  take(2.0);
+  remove_press1();
+  settle();
+  EXPECT_EQ(broker_.on(kTemp), (std::vector<std::string>{"1", ""}));
+}
+
+TEST_P(PlainOutletTest, TopicOfADeviceRemovedWhileTheBrokerIsAwayIsClearedLater) {
+  settle(1s);
+  take(1.0);
+  settle();
+  broker_.reachable = false;
+  lose_connection();
+  remove_press1();
+  broker_.reachable = true;
+  settle(60s);
+  EXPECT_EQ(broker_.on(kTemp), std::vector<std::string>{""});
+}
+
+INSTANTIATE_TEST_SUITE_P(Plain, PlainOutletTest, testing::Values(ProfileConfig::Kind::plain));
 INSTANTIATE_TEST_SUITE_P(Profiles, OutletTest,
                          testing::Values(ProfileConfig::Kind::json, ProfileConfig::Kind::plain,
                                          ProfileConfig::Kind::sparkplug),
