@@ -60,7 +60,7 @@ void JsonProfile::hear(const Message& message) {
   command.payload = message.payload;
   command.reply = [this,
                    topic = base + "/" + command.device + "/result"](const std::string& result) {
-    others_.push_back({.topic = topic, .payload = result});
+    results_.push_back({.topic = topic, .payload = result});
   };
   relay_(std::move(command));
 }
@@ -79,7 +79,7 @@ void JsonProfile::change(const ConfigChange& change) {
   if (is_connected_)
     for (const std::string& name : change.devices_gone)
       for (const char* topic : {"/state", "/meta"})
-        others_.push_back(retained(config_.base_topic() + "/" + name + topic));
+        cleared_.push_back(retained(config_.base_topic() + "/" + name + topic));
   metas_.insert(change.devices_begin.begin(), change.devices_begin.end());
 }
 
@@ -91,9 +91,9 @@ std::vector<Publication> JsonProfile::due(SteadyTime now, std::int64_t) {
     const auto reason =
         relay_ ? std::nullopt : std::optional<std::string>("this broker sends no commands");
     due.push_back(payload_.agent_online(since_ms_, reason, std::nullopt));
-  } else if (!others_.empty()) {
-    due.push_back(std::move(others_.front()));
-    others_.pop_front();
+  } else if (!cleared_.empty()) {
+    due.push_back(std::move(cleared_.front()));
+    cleared_.pop_front();
   } else if (!changed_.empty()) {
     const auto device = changed_.extract(changed_.begin()).value();
     due.push_back(payload_.device_state(*states_.all()[device]));

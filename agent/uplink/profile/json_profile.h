@@ -6,6 +6,7 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "agent/uplink/payload/json_payload.h"
@@ -31,6 +32,7 @@ class JsonProfile final : public Profile {
   void device_state(const DeviceStatus& status) override;
   void change(const ConfigChange& change) override;
   std::vector<Publication> due(SteadyTime now, std::int64_t utc_ms) override;
+  std::vector<Publication> take_results() override { return std::exchange(results_, {}); }
   std::vector<Publication> farewell(std::int64_t utc_ms) override {
     return {payload_.agent_offline(utc_ms)};
   }
@@ -57,7 +59,8 @@ class JsonProfile final : public Profile {
   std::optional<SteadyTime> again_at_;  ///< all states are due again
   std::set<std::uint32_t> metas_;       ///< devices whose meta is due
   std::set<std::uint32_t> changed_;     ///< devices whose state is due
-  std::deque<Publication> others_;      ///< results, and topics to clear
+  std::deque<Publication> cleared_;     ///< topics to clear
+  std::vector<Publication> results_;
 };
 
 }  // namespace fxagent

@@ -9,6 +9,11 @@
 #include "agent/log/log.h"
 
 namespace fxagent {
+namespace {
+
+constexpr std::size_t kMostResults = 200;  // that wait for the broker
+
+}  // namespace
 
 Outlet::Outlet(const Config& config, Settings settings, Profile& profile, Broker& broker,
                std::function<std::int64_t()> utc_ms, GuardedStore* store)
@@ -120,6 +125,10 @@ void Outlet::connection_began(const Connected& connected) {
 
 void Outlet::connection_ended() {
   samples_.connection_ended();
+  for (Result& each : results_) {
+    each.flight = 0;
+    each.not_before = {};
+  }
   profile_.connection_ended();
 }
 
@@ -128,23 +137,59 @@ void Outlet::connection_ended() {
 void Outlet::send(SteadyTime now) {
   const bool running = !shutdown_.has_begun();
   samples_.settle(now, running);
+  take_results(now);
   if (session_.is_connected() && shutdown_.may_publish()) {
     while (outgoing_.has_room()) {
       auto due = profile_.due(now, utc_ms_());
       if (due.empty()) break;
       outgoing_.send(*this, std::move(due));
     }
-    if (profile_.wants_samples() && profile_.is_ready()) {
-      samples_.pump_live(now);
-      if (running) samples_.pump_history(true, now);
-    }
+    const bool samples_go = profile_.wants_samples() && profile_.is_ready();
+    if (samples_go) samples_.pump_live(now);
+    send_results(now);
+    if (samples_go && running) samples_.pump_history(true, now);
   }
   outgoing_.note_sent(now);
 }
 
-void Outlet::failed(const DeliveryFailed& event, SteadyTime) {
+void Outlet::take_results(SteadyTime now) {
+  if (results_.empty() && dropped_results_ != 0)
+    log::warn("results_dropped", {{"profile", settings_.name},
+                                  {"state", "over"},
+                                  {"count", std::to_string(std::exchange(dropped_results_, 0))}});
+  for (Publication& each : profile_.take_results()) results_.push_back({std::move(each), now});
+  for (; results_.size() > kMostResults; results_.pop_front())
+    if (++dropped_results_ == 1)
+      log::error("results_dropped", {{"profile", settings_.name},
+                                     {"note", "more than " + std::to_string(kMostResults) +
+                                                  " results wait for this broker, so the oldest "
+                                                  "are dropped; the broker of mqtt gets all"}});
+}
+
+/// A result that overtook a sample read before it would be followed by an older value. Such a
+/// sample has found room, or is history, within a second.
+void Outlet::send_results(SteadyTime now) {
+  for (Result& each : results_) {
+    if (!outgoing_.has_room() || samples_.has_live_from(each.since)) return;
+    if (each.flight == 0 && each.not_before <= now)
+      each.flight = outgoing_.send(*this, each.publication);
+  }
+}
+
+void Outlet::delivered(std::uint64_t id, SteadyTime) {
+  std::erase_if(results_, [id](const Result& each) { return each.flight == id; });
+}
+
+void Outlet::failed(const DeliveryFailed& event, SteadyTime now) {
   log_failed(settings_.name, event);
-  profile_.refused();
+  const auto result = std::ranges::find(results_, event.id, &Result::flight);
+  if (result == results_.end()) return profile_.refused();
+  if (is_final(event.reason_code)) {
+    results_.erase(result);
+    return;
+  }
+  result->flight = 0;
+  result->not_before = now + backoff_.after(result->failures++);
 }
 
 void Outlet::stop(SteadyTime now) {
@@ -162,7 +207,11 @@ SteadyTime Outlet::next_wake(SteadyTime now) const {
     at(session_.next_wake());
   at(samples_.next_wake(now));
   if (!session_.is_connected()) return wake;
-  if (outgoing_.has_room() && shutdown_.may_publish()) at(profile_.next_wake());
+  if (outgoing_.has_room() && shutdown_.may_publish()) {
+    at(profile_.next_wake());
+    for (const Result& each : results_)
+      if (each.not_before > now) at(each.not_before);
+  }
   if (profile_.is_ready()) at(samples_.history().next_wake(now));
   if (!outgoing_.empty()) at(now + Outgoing::kAcknowledgedWithin);
   return wake;

@@ -5,6 +5,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <functional>
 #include <set>
 #include <string>
@@ -61,14 +62,26 @@ class Outlet final : private Outgoing::Sender {
   ProfileStatus status() const;
 
  private:
+  /// The result of a command from the profile's broker.
+  struct Result {
+    Publication publication;
+    SteadyTime since{};
+    std::uint64_t flight = 0;  ///< id of the publication; 0: it waits
+    SteadyTime not_before{};
+    int failures = 0;
+  };
+
   void take_broker_events(SteadyTime now);
   void send(SteadyTime now);
   SteadyTime next_wake(SteadyTime now) const;
   void connection_began(const Connected& connected);
   void connection_ended();
 
+  void take_results(SteadyTime now);
+  void send_results(SteadyTime now);
+
   // Of what the profile itself publishes.
-  void delivered(std::uint64_t, SteadyTime) override {}
+  void delivered(std::uint64_t id, SteadyTime now) override;
   void failed(const DeliveryFailed& event, SteadyTime now) override;
 
   const Config& config_;
@@ -88,6 +101,8 @@ class Outlet final : private Outgoing::Sender {
 
   std::uint64_t collected_ = 0;
   std::set<std::string> refusals_;  ///< logged in this connection
+  std::deque<Result> results_;      ///< until the broker has them; oldest first
+  std::uint64_t dropped_results_ = 0;
 };
 
 }  // namespace fxagent

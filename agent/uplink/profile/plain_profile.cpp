@@ -97,9 +97,7 @@ void PlainProfile::connection_began(const Connected&) {
 
 /// The next connection begins with the newest values. Topics that are due to be cleared stay so.
 void PlainProfile::connection_ended() {
-  std::erase_if(due_, [](const Publication& each) {
-    return each.retain == Retain::yes && !each.payload.empty();
-  });
+  std::erase_if(due_, [](const Publication& each) { return !each.payload.empty(); });
   for (auto& [topic, shown] : shown_) shown.published.reset();
 }
 
@@ -130,7 +128,7 @@ void PlainProfile::hear(const Message& message) {
   const auto& [device, tag] = found->second;
   RelayedCommand command = relayed_command(message, device, name_);
   command.reply = [this, topic](const std::string& result) {
-    due_.push_back({.topic = topic + "/result", .payload = result});
+    results_.push_back({.topic = topic + "/result", .payload = result});
   };
   // Text that is not JSON becomes a string, which a number's tag refuses with a reason. The library
   // would read a NUL as the end of the text.

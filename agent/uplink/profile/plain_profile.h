@@ -33,6 +33,7 @@ class PlainProfile final : public Profile {
   void hear(const Message& message) override;
   void change(const ConfigChange& change) override;
   std::vector<Publication> due(SteadyTime now, std::int64_t utc_ms) override;
+  std::vector<Publication> take_results() override { return std::exchange(results_, {}); }
   std::vector<Publication> farewell(std::int64_t) override { return {last_will()}; }
 
   std::vector<Publication> sample(const StreamKey& stream, const SampleRecord& sample) override;
@@ -61,6 +62,7 @@ class PlainProfile final : public Profile {
   std::unordered_map<std::string, std::pair<std::string, std::string>> writable_;
   std::unordered_map<std::string, Shown> shown_;  ///< by topic
   std::deque<Publication> due_;
+  std::vector<Publication> results_;
 };
 
 }  // namespace fxagent

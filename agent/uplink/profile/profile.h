@@ -45,6 +45,9 @@ class Profile : public SamplePayload {
   /// Returns messages that go before samples, such as births and states; empty: none are due.
   /// Called while connected, until it returns none. `utc_ms` is the current calendar time.
   virtual std::vector<Publication> due(SteadyTime now, std::int64_t utc_ms) = 0;
+  /// Returns the results of commands since the last call. They go after samples that were read
+  /// before, repeatedly until the broker has acknowledged them, also in later connections.
+  virtual std::vector<Publication> take_results() { return {}; }
   /// The broker or the library has refused messages of due().
   virtual void refused() {}
   /// False: no samples may be sent now. They wait as history.

@@ -65,6 +65,8 @@ class SampleDelivery final : public Outgoing::Sender {
   /// Returns the bytes of the rows made since the last call.
   std::uint64_t take_row_bytes() { return std::exchange(row_bytes_, 0); }
   bool has_live() const { return !live_.empty(); }
+  /// True if a live sample from `time` or earlier has found no room so far.
+  bool has_live_from(SteadyTime time) const { return has_live() && live_.front().since <= time; }
   /// True if so many samples are waiting that the broker accepts fewer than are produced.
   bool is_backed_up() const;
   /// Returns the time until which samples may gather before the next step. While they stream in,

@@ -288,6 +288,88 @@ TEST_P(PlainOutletTest, TopicOfADeviceRemovedWhileTheBrokerIsAwayIsClearedLater)
   EXPECT_EQ(broker_.on(kTemp), std::vector<std::string>{""});
 }
 
+struct OutletResultsTest : OutletTest {
+  OutletResultsTest() {
+    settle(1s);
+    broker_.send(is_plain_ ? test::message_on("fx/plant-a/edge7/press1/setpoint/set", "50")
+                           : test::message_on("fx/plant-a/edge7/press1/command", R"({"id":"a"})"));
+    settle();
+  }
+  void answer(const std::string& result) {
+    relayed_.at(0).reply(result);
+    settle();
+  }
+  std::vector<std::string> results() const { return broker_.on(topic_); }
+
+  const bool is_plain_ = GetParam() == ProfileConfig::Kind::plain;
+  const std::string topic_ =
+      is_plain_ ? "fx/plant-a/edge7/press1/setpoint/result" : "fx/plant-a/edge7/press1/result";
+};
+
+TEST_P(OutletResultsTest, ResultIsSentUntilTheBrokerHasIt) {
+  broker_.acknowledges = false;
+  answer("one");
+  broker_.refuse_next(0x97);
+  settle();
+  EXPECT_EQ(results().size(), 1U) << "after a pause";
+  settle(2s);
+  EXPECT_EQ(results().size(), 2U);
+  broker_.acknowledges = true;
+  lose_connection();
+  for (int i = 0; i < 2; ++i) {
+    settle(60s);
+    EXPECT_EQ(results(), std::vector<std::string>(i == 0 ? 1 : 0, "one"));
+    lose_connection();
+  }
+}
+
+TEST_P(OutletResultsTest, ResultThatTheBrokerWillNeverAcceptIsNotRepeated) {
+  broker_.acknowledges = false;
+  answer("one");
+  broker_.refuse_next(kPacketTooLarge);
+  settle(60s);
+  EXPECT_EQ(results().size(), 1U);
+}
+
+TEST_P(OutletResultsTest, OldestResultsAreDroppedIfTheBrokerIsAway) {
+  broker_.reachable = false;
+  lose_connection();
+  testing::internal::CaptureStderr();
+  for (int i = 0; i < 250; ++i) answer(std::to_string(i));
+  broker_.reachable = true;
+  settle(60s);
+  settle();
+  const std::string log = testing::internal::GetCapturedStderr();
+  ASSERT_EQ(results().size(), 200U);
+  EXPECT_EQ(results().front(), "50");
+  EXPECT_EQ(results().back(), "249");
+  test::expect_says(log, "error results_dropped");
+  test::expect_says(log, "state=over count=50");
+}
+
+TEST_P(OutletResultsTest, ResultDoesNotOvertakeSamplesReadBefore) {
+  broker_.acknowledges = false;
+  for (int i = 0; i < 20; ++i) take(i);
+  answer("one");
+  EXPECT_EQ(broker_.open(), 18U) << "two places are free";
+  broker_.acknowledges = true;
+  broker_.acknowledge_all();
+  settle();
+  EXPECT_EQ(results().size(), 1U);
+  EXPECT_EQ(broker_.log.back().topic, topic_) << "after the samples";
+}
+
+TEST_P(OutletResultsTest, ResultWaitsAtMostASecondForSamples) {
+  broker_.acknowledges = false;
+  for (int i = 0; i < 20; ++i) take(i);
+  answer("one");
+  EXPECT_TRUE(results().empty());
+  settle(1s);
+  EXPECT_EQ(results().size(), 1U);
+}
+
+INSTANTIATE_TEST_SUITE_P(Results, OutletResultsTest,
+                         testing::Values(ProfileConfig::Kind::json, ProfileConfig::Kind::plain));
 INSTANTIATE_TEST_SUITE_P(Plain, PlainOutletTest, testing::Values(ProfileConfig::Kind::plain));
 INSTANTIATE_TEST_SUITE_P(Profiles, OutletTest,
                          testing::Values(ProfileConfig::Kind::json, ProfileConfig::Kind::plain,
