@@ -2,9 +2,9 @@
 // commands if that broker may send them.
 #pragma once
 
-#include <deque>
+#include <cstdint>
+#include <memory>
 #include <optional>
-#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -12,6 +12,7 @@
 #include "agent/uplink/payload/json_payload.h"
 #include "agent/uplink/profile/profile.h"
 #include "agent/uplink/retained/device_states.h"
+#include "agent/uplink/retained/retained_state.h"
 
 namespace fxagent {
 
@@ -22,12 +23,12 @@ class JsonProfile final : public Profile {
   JsonProfile(const Config& config, std::string boot, std::string version, std::int64_t since_ms,
               std::string broker, RelayCommand relay);
 
+  void begin(Outgoing& outgoing, JitteredBackoff& backoff) override;
   Publication last_will() override { return payload_.last_will(); }
   std::vector<Subscription> subscriptions() const override;
-  void connection_began(const Connected& connected) override;
-  void connection_ended() override;
-  void refused() override { is_refused_ = true; }
-  SteadyTime next_wake() const override { return again_at_.value_or(SteadyTime::max()); }
+  void connection_began(const Connected&) override { retained_->connection_began(); }
+  void connection_ended() override { retained_->connection_ended(); }
+  SteadyTime next_wake() const override { return wake_; }
   void hear(const Message& message) override;
   void device_state(const DeviceStatus& status) override;
   void change(const ConfigChange& change) override;
@@ -45,21 +46,14 @@ class JsonProfile final : public Profile {
   }
 
  private:
-  void everything_is_due();
-
   const Config& config_;
   JsonPayload payload_;
   const std::int64_t since_ms_;
   const std::string broker_;
   const RelayCommand relay_;
   DeviceStates states_;
-  bool greets_ = false;  ///< the agent's state is due
-  bool is_connected_ = false;
-  bool is_refused_ = false;
-  std::optional<SteadyTime> again_at_;  ///< all states are due again
-  std::set<std::uint32_t> metas_;       ///< devices whose meta is due
-  std::set<std::uint32_t> changed_;     ///< devices whose state is due
-  std::deque<Publication> cleared_;     ///< topics to clear
+  std::optional<RetainedState> retained_;  ///< from begin() on
+  SteadyTime wake_ = SteadyTime::max();    ///< after due()
   std::vector<Publication> results_;
 };
 

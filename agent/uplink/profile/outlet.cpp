@@ -34,7 +34,9 @@ Outlet::Outlet(const Config& config, Settings settings, Profile& profile, Broker
                settings_.backlog_bytes),
       drops_(samples_.spool().waiting(), store, session_),
       farewell_(outgoing_, settings_.name, [this] { return profile_.farewell(utc_ms_()); }),
-      shutdown_(session_, farewell_, std::chrono::seconds(1)) {}
+      shutdown_(session_, farewell_, std::chrono::seconds(1)) {
+  profile_.begin(outgoing_, backoff_);
+}
 
 void Outlet::take(const Outbox::Batch& batch, SteadyTime now) {
   for (const DeviceStatus& status : batch.states) profile_.device_state(status);

@@ -18,12 +18,18 @@
 
 namespace fxagent {
 
+class JitteredBackoff;
+class Outgoing;
+
 /// Takes a command that a profile has heard.
 using RelayCommand = std::function<void(RelayedCommand command)>;
 
 /// Uplink thread only.
 class Profile : public SamplePayload {
  public:
+  /// Called once, before all other functions. Both outlive the profile's use: it may send messages
+  /// itself when due() is called.
+  virtual void begin(Outgoing& /*outgoing*/, JitteredBackoff& /*backoff*/) {}
   /// Returns the message that the broker publishes if the connection ends without a clean end.
   /// Called before each attempt to connect. An empty topic: no last will.
   virtual Publication last_will() { return {}; }

@@ -27,13 +27,14 @@ RetainedState::RetainedState(const Config& config, const DeviceStates& states, J
       source_(std::move(source)) {}
 
 void RetainedState::connection_began() {
-  due_.clear();
+  std::erase_if(due_, [](const auto& each) { return each.first.item != Item::clear; });
   everything_is_due();
   if (config_report_) config_report_is_due();
 }
 
 void RetainedState::connection_ended() {
-  flights_.clear();
+  for (const auto& [id, flight] : std::exchange(flights_, {}))
+    if (flight.key.item == Item::clear) clear(flight.key.topic);
   published_.clear();
   repairs_.clear();
   logged_.clear();

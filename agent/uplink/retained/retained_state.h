@@ -54,12 +54,13 @@ class RetainedState final : public Outgoing::Sender {
   /// topic is cleared, until a broker has acknowledged that. config_report_is_due() publishes it in
   /// this connection.
   void set_config_report(std::string text) { config_report_ = std::move(text); }
-  // These, and change(), have an effect only while connected: a connection begins with everything.
+  // These have an effect only while connected: a connection begins with everything.
   void agent_state_changed() { due_[{Item::agent_state, 0, {}}] = {}; }
   void health_is_due() { due_[{Item::health, 0, {}}]; }
   void config_report_is_due() { due_[{Item::config_report, 0, {}}] = {}; }
   void device_state_changed(std::uint32_t device) { due_[{Item::device_state, device, {}}] = {}; }
-  /// Clears a retained topic. Returns false if that is pending already.
+  /// Clears a retained topic, in the next connection if there is none or it breaks. Returns false
+  /// if that is pending already.
   bool clear(const std::string& topic) { return due_.try_emplace({Item::clear, 0, topic}).second; }
 
   /// Processes a text received on one of our topics. `item`: agent_state, with `device` 0;
@@ -70,8 +71,7 @@ class RetainedState final : public Outgoing::Sender {
 
   /// Adapts to a config change, as `config` and `states` have done already. Stops publishing what
   /// ends. Publishes the meta of what begins; its state follows when the field has reported it.
-  /// Clears the topics of removed devices: without a connection they are found after the next
-  /// connect.
+  /// Clears the topics of removed devices.
   void change(const ConfigChange& change);
 
   void pump(SteadyTime now);

@@ -368,6 +368,63 @@ TEST_P(OutletResultsTest, ResultWaitsAtMostASecondForSamples) {
   EXPECT_EQ(results().size(), 1U);
 }
 
+struct JsonOutletTest : OutletTest {
+  JsonOutletTest() {
+    settle(1s);
+    broker_.acknowledges = false;
+    broker_.log.clear();
+  }
+  std::vector<std::string> states() const { return broker_.on("fx/plant-a/edge7/press1/state"); }
+  std::vector<std::string> metas() const { return broker_.on("fx/plant-a/edge7/press1/meta"); }
+};
+const std::vector<std::string> kCleared{""};
+
+TEST_P(JsonOutletTest, StateThatTheBrokerWillNeverAcceptIsNotRepeated) {
+  take(DeviceStatus::State::online);
+  settle();
+  broker_.refuse_next(kPacketTooLarge);
+  for (int i = 0; i < 10; ++i) settle(10s);
+  EXPECT_EQ(broker_.log.size(), 1U);
+}
+
+TEST_P(JsonOutletTest, StateThatTheBrokerRefusesForATimeIsRepeatedAlone) {
+  take(DeviceStatus::State::online);
+  settle();
+  broker_.refuse_next(0x97);
+  settle();
+  const SteadyTime wake = outlet_->step(now_);
+  EXPECT_GT(wake, now_);
+  EXPECT_LE(wake, now_ + 2s);
+  settle(2s);
+  EXPECT_EQ(states().size(), 2U);
+  EXPECT_EQ(broker_.log.size(), 2U);
+}
+
+TEST_P(JsonOutletTest, TopicsOfADeviceRemovedWhileTheBrokerIsAwayAreClearedLater) {
+  broker_.reachable = false;
+  lose_connection();
+  remove_press1();
+  broker_.reachable = broker_.acknowledges = true;
+  for (int i = 0; i < 2; ++i) {
+    settle(60s);
+    EXPECT_EQ(states(), i == 0 ? kCleared : std::vector<std::string>{});
+    EXPECT_EQ(metas(), states());
+    lose_connection();
+  }
+}
+
+TEST_P(JsonOutletTest, TopicsThatWereBeingClearedWhenTheConnectionBrokeAreClearedLater) {
+  remove_press1();
+  settle();
+  EXPECT_EQ(states(), kCleared);
+  broker_.acknowledges = true;
+  lose_connection();
+  settle(60s);
+  EXPECT_EQ(states(), kCleared);
+  EXPECT_EQ(metas(), kCleared);
+}
+
+INSTANTIATE_TEST_SUITE_P(Json, JsonOutletTest, testing::Values(ProfileConfig::Kind::json));
 INSTANTIATE_TEST_SUITE_P(Results, OutletResultsTest,
                          testing::Values(ProfileConfig::Kind::json, ProfileConfig::Kind::plain));
 INSTANTIATE_TEST_SUITE_P(Plain, PlainOutletTest, testing::Values(ProfileConfig::Kind::plain));
