@@ -13,13 +13,13 @@ JsonProfile::JsonProfile(const Config& config, std::string boot, std::string ver
       since_ms_(since_ms),
       broker_(std::move(broker)),
       relay_(std::move(relay)),
-      states_(config.devices.size()) {}
+      states_(config.devices.size()) {
+  if (!relay_) not_heard_why_ = "this broker sends no commands";
+}
 
 void JsonProfile::begin(Outgoing& outgoing, JitteredBackoff& backoff) {
   const auto agent_state = [this] {
-    const auto reason =
-        relay_ ? std::nullopt : std::optional<std::string>("this broker sends no commands");
-    return payload_.agent_online(since_ms_, reason, std::nullopt);
+    return payload_.agent_online(since_ms_, not_heard_why_, std::nullopt);
   };
   retained_.emplace(config_, states_, payload_, outgoing, backoff,
                     RetainedState::Source{agent_state, {}});
@@ -28,6 +28,11 @@ void JsonProfile::begin(Outgoing& outgoing, JitteredBackoff& backoff) {
 std::vector<Subscription> JsonProfile::subscriptions() const {
   if (!relay_) return {};
   return {{config_.base_topic() + "/+/command", /*no_local=*/true}};
+}
+
+void JsonProfile::subscribed(const Subscribed& event) {
+  const auto why = event.granted ? std::nullopt : std::optional(event.text);
+  if (std::exchange(not_heard_why_, why) != why) retained_->agent_state_changed();
 }
 
 void JsonProfile::hear(const Message& message) {

@@ -29,6 +29,7 @@ class JsonProfile final : public Profile {
   void connection_began(const Connected&) override { retained_->connection_began(); }
   void connection_ended() override { retained_->connection_ended(); }
   SteadyTime next_wake() const override { return wake_; }
+  void subscribed(const Subscribed& event) override;
   void hear(const Message& message) override;
   void device_state(const DeviceStatus& status) override;
   void change(const ConfigChange& change) override;
@@ -52,8 +53,9 @@ class JsonProfile final : public Profile {
   const std::string broker_;
   const RelayCommand relay_;
   DeviceStates states_;
-  std::optional<RetainedState> retained_;  ///< from begin() on
-  SteadyTime wake_ = SteadyTime::max();    ///< after due()
+  std::optional<std::string> not_heard_why_;  ///< reason why no commands are received
+  std::optional<RetainedState> retained_;     ///< from begin() on
+  SteadyTime wake_ = SteadyTime::max();       ///< after due()
   std::vector<Publication> results_;
 };
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstddef>
 #include <type_traits>
 #include <utility>
 #include <variant>
@@ -12,6 +13,7 @@ namespace fxagent {
 namespace {
 
 constexpr std::size_t kMostResults = 200;  // that wait for the broker
+constexpr std::chrono::seconds kLastSubscribe{60};
 
 }  // namespace
 
@@ -70,6 +72,7 @@ SteadyTime Outlet::step(SteadyTime now) {
   samples_.spool().waiting().move_memory_to_disk();
   if (!shutdown_.has_begun()) {
     session_.keep(now);
+    subscribe_again(now);
     if (profile_.take_leave() && session_.is_connected()) {
       farewell_.say(now);
       session_.go_to_next(now);
@@ -107,8 +110,7 @@ void Outlet::take_broker_events(SteadyTime now) {
                   {"profile", settings_.name},
                   {"note", "more messages arrived than the agent can process"}});
     } else if constexpr (std::is_same_v<Event, Subscribed>) {
-      if (!event.granted && refusals_.insert(event.filter).second)
-        log::error("subscription_refused", {{"filter", event.filter}, {"reason", event.text}});
+      subscribed(event, now);
     } else {
       session_.on(event, now);
       if constexpr (std::is_same_v<Event, Disconnected>) shutdown_.disconnected(now);
@@ -117,8 +119,28 @@ void Outlet::take_broker_events(SteadyTime now) {
   for (const BrokerEvent& event : broker_.take_events()) std::visit(take, event);
 }
 
+/// Repeats refused subscriptions: an access rule may be mended while the session goes on.
+void Outlet::subscribed(const Subscribed& event, SteadyTime now) {
+  if (!session_.is_connected()) return;
+  profile_.subscribed(event);
+  if (event.granted) {
+    if (refused_.erase(event.filter) != 0)
+      log::info("subscription_granted", {{"filter", event.filter}});
+    return;
+  }
+  if (refused_.insert(event.filter).second)
+    log::error("subscription_refused", {{"filter", event.filter}, {"reason", event.text}});
+  if (!subscribe_at_) subscribe_at_ = now + backoff_.after(refusals_++, kLastSubscribe);
+}
+
+void Outlet::subscribe_again(SteadyTime now) {
+  if (!subscribe_at_ || now < *subscribe_at_) return;
+  subscribe_at_.reset();
+  for (Subscription& subscription : profile_.subscriptions())
+    if (refused_.contains(subscription.filter)) broker_.subscribe(std::move(subscription));
+}
+
 void Outlet::connection_began(const Connected& connected) {
-  refusals_.clear();
   samples_.connection_began();
   for (Subscription& subscription : profile_.subscriptions())
     broker_.subscribe(std::move(subscription));
@@ -127,6 +149,9 @@ void Outlet::connection_began(const Connected& connected) {
 
 void Outlet::connection_ended() {
   samples_.connection_ended();
+  refused_.clear();
+  refusals_ = 0;
+  subscribe_at_.reset();
   for (Result& each : results_) {
     each.flight = 0;
     each.not_before = {};
@@ -206,7 +231,7 @@ SteadyTime Outlet::next_wake(SteadyTime now) const {
   if (shutdown_.has_begun())
     at(shutdown_.next_wake());
   else
-    at(session_.next_wake());
+    at(std::min(session_.next_wake(), subscribe_at_.value_or(wake)));
   at(samples_.next_wake(now));
   if (!session_.is_connected()) return wake;
   if (outgoing_.has_room() && shutdown_.may_publish()) {

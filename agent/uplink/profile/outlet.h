@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <deque>
 #include <functional>
+#include <optional>
 #include <set>
 #include <string>
 
@@ -74,6 +75,8 @@ class Outlet final : private Outgoing::Sender {
   void take_broker_events(SteadyTime now);
   void send(SteadyTime now);
   SteadyTime next_wake(SteadyTime now) const;
+  void subscribed(const Subscribed& event, SteadyTime now);
+  void subscribe_again(SteadyTime now);
   void connection_began(const Connected& connected);
   void connection_ended();
 
@@ -100,9 +103,12 @@ class Outlet final : private Outgoing::Sender {
   Shutdown shutdown_;
 
   std::uint64_t collected_ = 0;
-  std::set<std::string> refusals_;  ///< logged in this connection
-  std::deque<Result> results_;      ///< until the broker has them; oldest first
+  std::deque<Result> results_;  ///< until the broker has them; oldest first
   std::uint64_t dropped_results_ = 0;
+  // Of this connection.
+  std::set<std::string> refused_;           ///< filters of subscriptions, logged
+  std::optional<SteadyTime> subscribe_at_;  ///< to these again
+  int refusals_ = 0;                        ///< rounds of subscriptions with a refusal
 };
 
 }  // namespace fxagent

@@ -248,6 +248,31 @@ TEST_P(OutletTest, IdleSessionDoesNotWakeAtOnceAgain) {
   EXPECT_GT(outlet_->step(now_), now_);
 }
 
+TEST_P(OutletTest, RefusedSubscriptionIsRepeatedUntilItIsGranted) {
+  broker_.refusal = "Not authorized";
+  broker_.refuses_states = true;
+  testing::internal::CaptureStderr();
+  settle(1s);
+  const auto subscriptions = [this] {
+    return std::ranges::count_if(broker_.order,
+                                 [](const auto& each) { return each.starts_with("subscribe "); });
+  };
+  const auto each = subscriptions();
+  ASSERT_GT(each, 0);
+  EXPECT_LE(outlet_->step(now_), now_ + 2s);
+  settle(2s);
+  EXPECT_EQ(subscriptions(), 2 * each);
+  broker_.refusal.clear();
+  broker_.refuses_states = false;
+  settle(3s);
+  EXPECT_EQ(subscriptions(), 3 * each);
+  for (int i = 0; i < 10; ++i) settle(20s);
+  EXPECT_EQ(subscriptions(), 3 * each);
+  const std::string log = testing::internal::GetCapturedStderr();
+  test::expect_says(log, "subscription_refused");
+  test::expect_says(log, "subscription_granted");
+}
+
 struct PlainOutletTest : OutletTest {};
 const std::string kTemp = "fx/plant-a/edge7/press1/temp";
 
@@ -378,6 +403,19 @@ struct JsonOutletTest : OutletTest {
   std::vector<std::string> metas() const { return broker_.on("fx/plant-a/edge7/press1/meta"); }
 };
 const std::vector<std::string> kCleared{""};
+
+TEST_P(JsonOutletTest, StateOfTheAgentShowsThatCommandsAreNotReceived) {
+  broker_.acknowledges = true;
+  broker_.refusal = "Not authorized";
+  lose_connection();
+  settle(10s);
+  const auto state = [this] { return broker_.on("fx/plant-a/edge7/state").back(); };
+  test::expect_says(state(), R"("commands":false)");
+  test::expect_says(state(), "Not authorized");
+  broker_.refusal.clear();
+  settle(60s);
+  EXPECT_EQ(state().find("commands"), std::string::npos) << state();
+}
 
 TEST_P(JsonOutletTest, StateThatTheBrokerWillNeverAcceptIsNotRepeated) {
   take(DeviceStatus::State::online);
