@@ -38,6 +38,9 @@ constexpr std::uint64_t kReserve = 1'000'000;
 // which would otherwise wait behind a burst of commands.
 constexpr std::uint32_t kMostOnTheWay = 20;
 constexpr std::uint32_t kForHeartbeats = 4;
+constexpr const char* kNotKnown =
+    "commands that the other gateway announced before are not known here; repeat none of them "
+    "after a takeover";
 constexpr int kMostClaims = 4;  // times `quiet` until a claim without its mark is given up
 
 MqttConfig settings_with(const MqttConfig& mqtt, const std::string& suffix) {
@@ -239,6 +242,10 @@ void PairMember::keep(BootTime now) {
     connect_at_ = {};
     member_->connect(server_, kReceiveMaximum);
   }
+  if (member_up_ && subscribe_at_ != BootTime{} && now >= subscribe_at_) {
+    ++refusals_;
+    subscribe();
+  }
   send_journal(now);
   if (journal_) journal_->upkeep(std::chrono::steady_clock::now());
 }
@@ -277,25 +284,23 @@ void PairMember::take_member_events(BootTime now) {
       announcing_ = 0;
       if (journal_) journal_->connection_began();
       heard_all_ = heard_all_ && event.session_present;
-      if (!event.session_present)
-        log::warn("pair", {{"session", "new"},
-                           {"note",
-                            "commands that the other gateway announced before are not known "
-                            "here; repeat none of them after a takeover"}});
-      granted_ = 0;
-      const std::string base = config_.base_topic();
-      // With QoS 0 the broker queues nothing while this session is away. Queued statuses would name
-      // gateways that have ended.
+      if (!event.session_present) log::warn("pair", {{"session", "new"}, {"note", kNotKnown}});
       for (const std::string_view heard : kPairTopics)
-        member_->subscribe(
-            {.filter = base + "/" + std::string(heard),
-             .qos = heard.ends_with("/journal") || heard.ends_with("/result") ? 1 : 0});
+        unheard_.insert(config_.base_topic() + "/" + std::string(heard));
+      refusals_ = 0;
+      subscribe();
     } else if constexpr (std::is_same_v<Event, Subscribed>) {
-      if (!event.granted)
+      if (event.granted) {
+        if (unheard_.erase(event.filter) == 0 || !unheard_.empty()) return;
+        if (refusals_ != 0) log::warn("pair", {{"session", "new"}, {"note", kNotKnown}});
+        return peers_.joined(now);
+      }
+      heard_all_ = false;
+      subscribe_at_ = now + std::min<BootTime>(seconds(1 << std::min(refusals_, kMostDoublings)),
+                                               kLongestPause);
+      if (refusals_ == 0)
         log::error("pair", {{"fault", "the broker refuses the subscription to " + event.filter +
                                           "; see fxagent acl"}});
-      else if (++granted_ == kPairTopics.size())
-        peers_.joined(now);
     } else if constexpr (std::is_same_v<Event, ConnectFailed>) {
       log::warn("pair", {{"broker", "unreachable"}, {"reason", event.text}});
       again(kReconnect);
@@ -315,6 +320,17 @@ void PairMember::take_member_events(BootTime now) {
     }
   };
   for (const BrokerEvent& event : member_->take_events()) std::visit(take, event);
+}
+
+/// Subscribes to what the broker has not granted. With QoS 0 it queues nothing while this session
+/// is away. Queued statuses would name gateways that have ended.
+void PairMember::subscribe() {
+  subscribe_at_ = {};
+  for (const std::string_view heard : kPairTopics) {
+    const bool queues = heard.ends_with("/journal") || heard.ends_with("/result");
+    const std::string filter = config_.base_topic() + "/" + std::string(heard);
+    if (unheard_.contains(filter)) member_->subscribe({.filter = filter, .qos = queues ? 1 : 0});
+  }
 }
 
 void PairMember::hear(const Message& message, BootTime now) {

@@ -20,6 +20,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <string>
 #include <thread>
 #include <vector>
@@ -98,6 +99,7 @@ class PairMember final {
   void take_lease_events(BootTime now);
   void take_evicting_events(BootTime now);
   void drop_lease(BootTime now);
+  void subscribe();
   void hear(const Message& message, BootTime now);
   void hear_announcement(pair_messages::Announcement announcement, const std::string& member,
                          const std::string& topic);
@@ -144,9 +146,12 @@ class PairMember final {
   std::unique_ptr<Broker> evicting_;  ///< the session of the agent, to end that of the other one
   std::size_t server_ = 0;
   bool member_up_ = false;
-  bool heard_all_ = true;  ///< the broker has kept the member session since the last process
-  std::size_t granted_ = 0;
-  int thrown_ = 0;  ///< times in a row that the member session was taken over
+  /// The broker has kept the member session since the last process, and refused no subscription.
+  bool heard_all_ = true;
+  std::set<std::string> unheard_;  ///< filters that the broker has not granted in this session
+  BootTime subscribe_at_{};        ///< to these again; 0: it has refused none
+  int refusals_ = 0;               ///< rounds of subscriptions after a refusal
+  int thrown_ = 0;                 ///< times in a row that the member session was taken over
   BootTime member_since_{};
   BootTime connect_at_{};
   std::size_t window_ = 0;  ///< of announcements; 0: the lease session is not connected

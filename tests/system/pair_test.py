@@ -15,6 +15,7 @@ from broker_test import tls_conf
 from chaos_plant import Disk
 from pair_plant import BASE, PairTest, QUIET_MS, SerialBus
 from plant import PATIENCE, device, free_port, frozen, fxagent, tag, wait_for, write_text
+from scripted_broker import Script, ScriptedBroker
 
 
 class HeldClaim(relays.Relay):
@@ -202,6 +203,23 @@ class Pair(PairTest):
         self.assert_result(self.result("waits"), "FAILED", "reloading")
         self.watcher.wait(f"{BASE}/press2/data/fast", lambda m: not m.get("bad"))
         self.assertEqual(self.sim.get("press1", "D300"), written)
+
+    def test_refused_subscription_is_repeated(self):
+        self.start_plant()
+        topic = f"{BASE}/pair/a"
+        asked = []
+
+        def subscribe(session, got):
+            refused = any("heartbeat" in name for name in got.filters) and session.connect.client_id.endswith("-pair-a")
+            asked.extend(got.filters if refused else ())
+            session.suback(got, [0x80 if refused and len(asked) <= 2 else 1])
+
+        with ScriptedBroker(Script(subscribe=subscribe)) as broker:
+            self.start_member("a", config=self.config("a", port=broker.port))
+            broker.wait("a status", lambda: any(session.published(topic) for session in broker.sessions))
+            self.assertEqual(len(asked), 3)
+            self.assertEqual(len(self.faults("a")), 1, self.agents["a"].logged())
+            self.assertEqual(self.agents["a"].stop(), 0)
 
     def test_standby_with_a_full_disk_remembers_what_was_announced(self):
         disk = Disk(self.directory)
