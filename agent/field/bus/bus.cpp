@@ -34,7 +34,7 @@ asio::awaitable<Exchange> Bus::exchange(Station& station, Request request, Stead
   if (!open) co_return failed;
   const bool ready = co_await prepare(station, request, failed);
   if (!ready) {
-    overheard_.doubt().exchange_was_unclear();
+    if (!overheard_.is_silence(failed)) overheard_.doubt().exchange_was_unclear();
     co_return failed;
   }
   Exchange exchange = co_await ask(station, request, not_after);
@@ -56,7 +56,8 @@ asio::awaitable<Exchange> Bus::ask(Station& station, const Request& request, Ste
   const bool doubted = overheard_.doubt().is_doubted();
   Exchange exchange = co_await wire_.exchange(station, request, not_after);
   if (!exchange.has_answer()) {
-    if (exchange.sent) overheard_.doubt().exchange_was_unclear();
+    if (exchange.sent && !overheard_.is_silence(exchange))
+      overheard_.doubt().exchange_was_unclear();
     co_return exchange;
   }
   if (codec.is_broadcast() || overheard_.tells_answers_apart(codec)) {

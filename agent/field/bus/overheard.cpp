@@ -71,6 +71,11 @@ bool Overheard::is_out_of_step(const Codec& codec, const Exchange& exchange) con
          !echo_.may_be(exchange.received) && codec.explain(exchange.received, Direction::reply).ok;
 }
 
+bool Overheard::is_silence(const Exchange& exchange) const {
+  return exchange.outcome == Exchange::Outcome::unanswered &&
+         (exchange.received.empty() || echo_.may_be(exchange.received));
+}
+
 void Overheard::keep(ByteView bytes) {
   const ByteView kept = bytes.first(std::min(bytes.size(), kMostKept));
   last_unexpected_.assign(kept.begin(), kept.end());

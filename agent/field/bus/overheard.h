@@ -35,7 +35,8 @@ class BusDoubt final {
   /// Records an answered request with silence before it and after its answer, each as long as the
   /// slowest answer may take.
   void exchange_was_clean(SteadyTime now);
-  /// Records a request that was not answered, or not cleanly.
+  /// Records a request that was not answered cleanly. Silence does not count: a device that is
+  /// switched off must not keep its whole line in doubt.
   void exchange_was_unclear();
 
   bool is_doubted() const { return exchanges_to_go_ > 0; }
@@ -156,6 +157,8 @@ class Overheard final {
   /// True if a whole frame came that does not answer the request of `exchange`: the answers may lag
   /// behind the requests.
   bool is_out_of_step(const Codec& codec, const Exchange& exchange) const;
+  /// True if nothing came in place of an answer, except an echo.
+  bool is_silence(const Exchange& exchange) const;
 
   /// Stores the bytes for last_unexpected().
   void keep(ByteView bytes);

@@ -18,7 +18,7 @@ TEST(BusDoubt, BusIsBelievedUntilForeignBytesAreHeard) {
   EXPECT_FALSE(bus.is_doubted());
   bus.exchange_was_unclear();
   bus.exchange_was_clean(kStart);
-  EXPECT_FALSE(bus.is_doubted()) << "silence and bad frames are no foreign bytes";
+  EXPECT_FALSE(bus.is_doubted()) << "bad frames are no foreign bytes";
   bus.found_foreign(kStart);
   EXPECT_TRUE(bus.is_doubted());
   EXPECT_EQ(bus.findings(), 1U);

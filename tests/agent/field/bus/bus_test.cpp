@@ -594,6 +594,37 @@ TEST_F(BusTest, SecondAnswerDuringTheSilenceBehindTheFirstIsFoundAndLastsTheDoub
   EXPECT_TRUE(bus->doubt().is_doubted());
 }
 
+TEST_F(BusTest, SilentDeviceDoesNotProlongTheDoubtOfItsLine) {
+  read_with_another_answer_behind();
+  script_doubted(kReadD100, word_frame(2));
+  EXPECT_TRUE(read("D100").doubted);
+  // A neighbour that is switched off answers neither the probe nor a request.
+  wire->silence().expect(kProbe).silence();
+  EXPECT_EQ(read("D200").outcome, Outcome::unanswered);
+  wire->silence().expect(kNextProbe).give(kNextProbeAnswer).expect(kReadD200).silence();
+  EXPECT_EQ(read("D200").outcome, Outcome::unanswered);
+  EXPECT_TRUE(bus->doubt().is_doubted());
+  for (int i = 0; i < 2; ++i) {
+    wire->silence().expect(kNextProbe).give(kNextProbeAnswer);
+    wire->expect(kReadD100).give(word_frame(2)).silence();
+    EXPECT_TRUE(read("D100").doubted);
+  }
+  EXPECT_FALSE(bus->doubt().is_doubted()) << "three clean exchanges";
+}
+
+TEST_F(BusTest, DamagedAnswerProlongsTheDoubt) {
+  read_with_another_answer_behind();
+  script_doubted(kReadD100, word_frame(2));
+  EXPECT_TRUE(read("D100").doubted);
+  wire->silence().expect(kProbe).give(kProbeAnswer).expect(kReadD200).give({0x02, 0x30}).silence();
+  EXPECT_EQ(read("D200").outcome, Outcome::unanswered);
+  for (int i = 0; i < 2; ++i) {
+    script_doubted(kReadD100, word_frame(2));
+    EXPECT_TRUE(read("D100").doubted);
+  }
+  EXPECT_TRUE(bus->doubt().is_doubted());
+}
+
 TEST_F(BusTest, AnswerPastWhichAnOlderOneWasSkippedIsNoAnswer) {
   // Two answers to one request, of which only the second fits: the device is one answer behind.
   station.enquire = EnquirePolicy::never;
