@@ -69,7 +69,7 @@ CommandExchanges::CommandExchanges(asio::any_io_executor executor, Bus& bus, Sta
       sharing_(sharing) {}
 
 SteadyTime CommandExchanges::latest_start() const {
-  if (writes_ > 0) return SteadyTime::max();
+  if (writes_ > 0 || admitted_.interrupted) return SteadyTime::max();
   if (first_byte_) return admitted_.deadline;
   return admitted_.deadline - admitted_.line_time.value_or(nanoseconds(0));
 }
@@ -173,7 +173,7 @@ asio::awaitable<Exchange> CommandExchanges::ask(Request request, SteadyTime not_
 }
 
 asio::awaitable<CommandExchanges::ReadBack> CommandExchanges::read_point(
-    const AdmittedTarget& target, SteadyTime not_after) {
+    const AdmittedTarget& target) {
   ReadBack out;
   const Plan plan = reads_of(*station_.codec, device_, target.point, limits_);
   std::vector<Bytes> images(plan.reads.size());
@@ -190,7 +190,7 @@ asio::awaitable<CommandExchanges::ReadBack> CommandExchanges::read_point(
       }
     }
     for (int attempt = 0; attempt <= device_.retries; ++attempt) {
-      out.last = co_await ask(request, not_after);
+      out.last = co_await ask(request, latest_start());
       const bool cured = out.last.is_data();
       std::optional<RefusalMeaning> refusal;
       if (out.last.is_nak())

@@ -59,16 +59,17 @@ class CommandExchanges final {
   /// Before the first exchange that is to change something, marks the command as started.
   asio::awaitable<Exchange> ask(Request request, SteadyTime not_after,
                                 Effect effect = Effect::none);
-  /// Reads the whole point of the target. Repeats each failed read as the config says.
-  asio::awaitable<ReadBack> read_point(const AdmittedTarget& target, SteadyTime not_after);
+  /// Reads the whole point of the target, each exchange within latest_start(). Repeats each failed
+  /// read as the config says.
+  asio::awaitable<ReadBack> read_point(const AdmittedTarget& target);
   /// Sends a write, and a second time only if the first surely had no effect.
   asio::awaitable<Exchange> send_once_or_twice(Request request, bool may_repeat);
   /// Gives others their turn if `share` is true. False: the command is to stop.
   asio::awaitable<bool> go_on(bool share);
   asio::awaitable<void> pause(std::chrono::milliseconds duration);
 
-  /// Returns the latest time at which an exchange may begin. Unlimited once a write was sent,
-  /// because such a command is finished.
+  /// Returns the latest time at which an exchange may begin. Unlimited once a write was sent, by
+  /// this run or an earlier one, because such a command is finished.
   SteadyTime latest_start() const;
   bool is_stopping() const { return sharing_.is_stopping(); }
   /// True if the disk did not answer when the command was to be marked. Nothing was written.

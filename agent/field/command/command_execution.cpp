@@ -222,7 +222,7 @@ void CommandExecution::conclude_target(TargetResult out) {
 
 asio::awaitable<void> CommandExecution::read_target(const AdmittedTarget& target,
                                                     TargetResult& out) {
-  CommandExchanges::ReadBack got = co_await wire_.read_point(target, wire_.latest_start());
+  CommandExchanges::ReadBack got = co_await wire_.read_point(target);
   if (wire_.first_byte()) ++result_.attempts;
   if (!got.image) co_return set_without_effect(out, got.last);
   auto value = unpack(target.point, *got.image, span_of(target.point)->first_bit);
@@ -236,7 +236,7 @@ asio::awaitable<bool> CommandExecution::read_first(const AdmittedTarget& target,
                                                    std::vector<Request>& requests,
                                                    TargetResult& out) {
   if (!is_read_first(*admitted_.codec, target)) co_return true;
-  CommandExchanges::ReadBack got = co_await wire_.read_point(target, wire_.latest_start());
+  CommandExchanges::ReadBack got = co_await wire_.read_point(target);
   if (!got.image) {
     set_without_effect(out, got.last);
     co_return false;
@@ -310,7 +310,7 @@ asio::awaitable<void> CommandExecution::end_early(const AdmittedTarget& target, 
   out.progress = progress_of(target, frames);
   if (out.reason == sharing_.why_stopping())
     out.detail = why_not_sent(out.reason) + "; the rest was not sent";
-  const CommandExchanges::ReadBack got = co_await wire_.read_point(target, SteadyTime::max());
+  const CommandExchanges::ReadBack got = co_await wire_.read_point(target);
   if (got.image) out.verify = verification(target, *got.image);
 }
 
@@ -345,7 +345,7 @@ asio::awaitable<bool> CommandExecution::write_together() {
 
 asio::awaitable<void> CommandExecution::verify(const AdmittedTarget& target, TargetResult& out) {
   const std::uint64_t findings = wire_.findings();
-  CommandExchanges::ReadBack got = co_await wire_.read_point(target, SteadyTime::max());
+  CommandExchanges::ReadBack got = co_await wire_.read_point(target);
   if (!got.image) {
     out.detail = "acknowledged; it could not be read back: " +
                  (got.last.is_nak() ? nak_text(got.last) : got.last.error);
@@ -378,7 +378,7 @@ asio::awaitable<void> CommandExecution::settle_unknown(const AdmittedTarget& tar
 
 asio::awaitable<void> CommandExecution::read_outcome(const AdmittedTarget& target,
                                                      std::string succeeded, TargetResult& out) {
-  CommandExchanges::ReadBack got = co_await wire_.read_point(target, SteadyTime::max());
+  CommandExchanges::ReadBack got = co_await wire_.read_point(target);
   if (!got.image) co_return;
   out.verify = verification(target, *got.image);
   if (out.verify->match) set(out, CommandStatus::succeeded, Reason::none, std::move(succeeded));

@@ -108,13 +108,24 @@ TEST_F(CommandExchangesTest, WriteThatWouldNotBeThroughInTimeDoesNotBegin) {
 
 TEST_F(CommandExchangesTest, ReadIsRepeatedAsOftenAsTheConfigAllows) {
   wire->expect(kReadBack).give(kNak).expect(kReadBack).give(word_frame(50));
-  const auto got = run_on(io, exchanges->read_point(target, SteadyTime::max()));
+  const auto got = run_on(io, exchanges->read_point(target));
   EXPECT_EQ(got.image, word(50));
   wire->expect(kReadBack).give(kNak).expect(kReadBack).give(kNak);
-  const auto refused = run_on(io, exchanges->read_point(target, SteadyTime::max()));
+  const auto refused = run_on(io, exchanges->read_point(target));
   EXPECT_FALSE(refused.image);
   EXPECT_TRUE(refused.last.is_nak());
   EXPECT_EQ(exchanges->writes(), 0);
+}
+
+TEST_F(CommandExchangesTest, TimeOfAReadIsComparedBeforeEachOfItsExchanges) {
+  device.max_block_bytes = 2;
+  target.point = tag(*device.codec, "wide", "D200", DataType::int32).point;
+  admitted.line_time = std::chrono::minutes(1);
+  wire->expect(kReadBack);
+  wire->call([&] { admitted.deadline = Clock::now() - milliseconds(1); });
+  wire->give(word_frame(50));
+  EXPECT_EQ(run_on(io, exchanges->read_point(target)).last.outcome, Exchange::Outcome::expired);
+  EXPECT_EQ(exchanges->latest_start(), admitted.deadline) << "the whole command has begun in time";
 }
 
 TEST_F(CommandExchangesTest, OthersHaveTheirTurnAndTheLineTimeBeginsAnew) {
@@ -147,7 +158,7 @@ TEST_F(CommandExchangesTest, UnitBehindAGatewayThatDoesNotAnswerIsToldWithWhatTo
   const auto read = [&](std::string_view transaction, std::string_view answer) {
     wire->expect(*from_hex(std::string(transaction) + " 00 00 00 06 01 03 00 00 00 01"));
     wire->give(*from_hex(std::string(transaction) + std::string(answer)));
-    return run_on(io, exchanges->read_point(target, SteadyTime::max())).last.reply.text;
+    return run_on(io, exchanges->read_point(target)).last.reply.text;
   };
   const std::string silent = read("00 01", " 00 00 00 03 01 83 0B");
   expect_says(silent,
