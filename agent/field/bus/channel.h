@@ -44,8 +44,8 @@ class Channel final {
   void close() noexcept { transport_->close(); }
   /// Call when the peer has closed it, or after an error. `why` is for people.
   void lose(std::string why);
-  /// Call if a late answer could pass for that of another request: it cannot reach a new channel.
-  /// This is not a loss: call open() again.
+  /// Call if a late answer, or the rest of one, could pass for that of another request: it cannot
+  /// reach a new channel. This is not a loss: call open() again.
   void close_after_silence();
   /// Call if bytes arrive without end.
   void close_never_silent();

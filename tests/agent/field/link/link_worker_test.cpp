@@ -623,6 +623,7 @@ struct StreamWithoutNumbers : LinkWorkerTest {
   Bytes answer(ByteView request) {
     const bool answers = request.size() == 21 && there.contains(request[2]);
     if (!answers) return {};
+    if (garbled.contains(request[2])) return Bytes(20, 0xFF);
     const std::size_t bytes = 2U * request[19];
     Bytes out{0xD0, 0x00, request[2], request[3], request[4], request[5], request[6]};
     out.push_back(static_cast<std::uint8_t>(2 + bytes));
@@ -637,7 +638,8 @@ struct StreamWithoutNumbers : LinkWorkerTest {
     return out;
   }
 
-  std::set<unsigned> there;  ///< networks whose PLC answers
+  std::set<unsigned> there;    ///< networks whose PLC answers
+  std::set<unsigned> garbled;  ///< those of them that answer with nonsense
 };
 
 TEST_F(StreamWithoutNumbers, DeviceThatNeverAnswersTimesOutAndTheLogSaysWhatToLookAt) {
@@ -685,6 +687,32 @@ TEST_F(StreamWithoutNumbers, NeighbourOfASilentDeviceStaysOnline) {
   for (const std::string& reason : reasons(0)) EXPECT_EQ(reason, "timeout");
   for (const std::string& reason : reasons(1)) EXPECT_EQ(reason, "");
   EXPECT_EQ(log.find("state=down"), std::string::npos) << log;
+}
+
+TEST_F(StreamWithoutNumbers, NeighbourOfADeviceThatAnswersNonsenseStaysOnline) {
+  add_network(1);
+  add_network(2);
+  there = {1, 2};
+  start();
+  wait([&] { return !reasons(0).empty() && !reasons(1).empty(); });
+  testing::internal::CaptureStderr();
+  garbled = {1};
+  const std::size_t opened = wire->opened();
+  wait([&] { return reasons(0).back() == "bad_frame" && wire->opened() >= opened + 4; });
+  wait_for_requests(10);
+  const std::string log = testing::internal::GetCapturedStderr();
+  EXPECT_EQ(reasons(0).back(), "bad_frame");
+  for (const std::string& reason : reasons(1)) EXPECT_EQ(reason, "");
+  EXPECT_EQ(log.find("the line was lost"), std::string::npos) << log;
+}
+
+TEST_F(StreamWithoutNumbers, PeerThatHasOnlyAnsweredNonsenseIsALoss) {
+  add_network(1);
+  there = garbled = {1};
+  testing::internal::CaptureStderr();
+  start();
+  wait([&] { return wire->opened() >= 2; });
+  expect_says(testing::internal::GetCapturedStderr(), "the line was lost");
 }
 
 // ---- commands ----------------------------------------------------------------------------------
