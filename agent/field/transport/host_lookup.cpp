@@ -36,7 +36,8 @@ void start_looking_up(const asio::any_io_executor& executor) {
                          [](const asio::error_code&, const tcp::resolver::results_type&) {});
 }
 
-/// A lookup that can be abandoned: the system's lookup has no time limit and cannot be cancelled.
+/// A lookup that can be abandoned: the system's lookup has no time limit and cannot be cancelled
+/// once it has begun.
 /// Owned by the waiting coroutine and by the lookup itself, whichever lasts longer.
 struct HostLookup::UnderWay {
   explicit UnderWay(const asio::any_io_executor& executor) : resolver(executor), over(executor) {}
@@ -65,8 +66,11 @@ asio::awaitable<Result<std::vector<asio::ip::address>>> HostLookup::find(
       });
   co_await lookup->over.async_wait(use_result);
   under_way_.reset();
-  if (!lookup->answered)
+  if (!lookup->answered) {
+    // One thread looks up all names. If this one is still waiting there, it would delay the others.
+    lookup->resolver.cancel();
     co_return fail(ErrorCode::link_down, channel + ": the name lookup got no answer");
+  }
   if (lookup->error)
     co_return fail(ErrorCode::link_down,
                    channel + ": the name is not found (" + lookup->error.message() +
