@@ -40,8 +40,11 @@ class TcpTransport final : public StreamTransport<tcp::socket> {
     const auto found = co_await lookup_.find(stream_.get_executor(), settings_.host, name_, at);
     if (!found) co_return fail(found);
     Result<void> outcome;
+    auto left = static_cast<int>(found->size());
     for (const asio::ip::address& address : *found) {
-      outcome = co_await connect({address, settings_.port}, at);
+      // An address that does not answer leaves time for those after it.
+      const SteadyTime begun = now();
+      outcome = co_await connect({address, settings_.port}, begun + (at - begun) / left--);
       if (outcome) break;
     }
     co_return outcome;

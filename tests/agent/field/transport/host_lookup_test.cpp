@@ -19,8 +19,9 @@ std::atomic<int> unwanted_lookups = 0;
 
 }  // namespace
 
-/// Takes the place of the system's lookup for two names: "held.test" is looked up until
-/// held_may_end, and "unwanted.test" is counted.
+/// Takes the place of the system's lookup for three names: "held.test" is looked up until
+/// held_may_end, "unwanted.test" is counted, and "two.test" has the addresses 127.0.0.2 and
+/// 127.0.0.1.
 extern "C" int getaddrinfo(const char* host, const char* service, const addrinfo* hints,
                            addrinfo** found) {
   using LookUp = int (*)(const char*, const char*, const addrinfo*, addrinfo**);
@@ -33,7 +34,12 @@ extern "C" int getaddrinfo(const char* host, const char* service, const addrinfo
   }
   if (name == "unwanted.test") ++unwanted_lookups;
   if (name == "unwanted.test") return EAI_NONAME;
-  return look_up(host, service, hints, found);
+  if (name != "two.test") return look_up(host, service, hints, found);
+  const int failed = look_up("127.0.0.2", service, hints, found);
+  if (failed != 0) return failed;
+  addrinfo* last = *found;
+  while (last->ai_next != nullptr) last = last->ai_next;
+  return look_up("127.0.0.1", service, hints, &last->ai_next);
 }
 
 namespace fxagent::test {

@@ -63,6 +63,24 @@ TEST_F(TcpTransportTest, HostMayBeAName) {
   EXPECT_EQ(read(*transport), "hello");
 }
 
+TEST_F(TcpTransportTest, AddressThatDoesNotAnswerLeavesTimeForTheNextOne) {
+  // The queue of 127.0.0.2 is full, so nothing answers the next connection request.
+  const auto port = server.local_endpoint().port();
+  tcp::acceptor full(server_io, tcp::v4());
+  full.bind({asio::ip::make_address("127.0.0.2"), port});
+  full.listen(0);
+  tcp::socket first(server_io);
+  first.connect(full.local_endpoint());
+  const auto transport = stream("two.test");  // see host_lookup_test.cpp
+  const auto deadline = Clock::now() + std::chrono::seconds(1);
+  const auto opened = run_on(io, transport->open(deadline));
+  ASSERT_TRUE(opened) << opened.error().text;
+  EXPECT_LT(Clock::now(), deadline);
+  tcp::socket peer = server.accept();
+  say(peer, "hello");
+  EXPECT_EQ(read(*transport), "hello");
+}
+
 TEST_F(TcpTransportTest, PortWhereNobodyListensIsLinkDown) {
   const auto transport = stream();
   const auto port = server.local_endpoint().port();
