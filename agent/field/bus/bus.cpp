@@ -38,6 +38,7 @@ asio::awaitable<Exchange> Bus::exchange(Station& station, Request request, Stead
     co_return failed;
   }
   Exchange exchange = co_await ask(station, request, not_after);
+  exchange.rest += failed.rest;
   if (overheard_.is_out_of_step(codec, exchange)) overheard_.doubt().was_out_of_step(wire_.now());
   const bool again = exchange.is_data() && !exchange.doubted && is_read(request) &&
                      !overheard_.tells_answers_apart(codec) &&
@@ -124,6 +125,7 @@ asio::awaitable<bool> Bus::prepare(Station& station, const Request& request, Exc
     const bool answered = enquiry.is_ack() || !station.codec->expects_reply(*resync);
     if (!answered) co_return refuse(std::move(enquiry));
     station.handshake_in = wire_.channel().session();
+    failed.rest = enquiry.line_time();
   }
   // The enquiry's ACK may have been a write's late ACK. Without an enquiry, a read's late NAK could
   // pass for the answer to a write.

@@ -67,6 +67,7 @@ class Bus final {
   /// Performs one exchange on a line that is in order, then judges its answer.
   asio::awaitable<Exchange> ask(Station& station, const Request& request, SteadyTime not_after);
   /// Puts the line in order. False: the device did not answer or the channel closed; see `failed`.
+  /// True: `failed.rest` is the line time of an enquiry.
   asio::awaitable<bool> prepare(Station& station, const Request& request, Exchange& failed);
   /// Reads something whose answer cannot be an older one. Afterwards no older answer is on its way.
   asio::awaitable<Exchange> probe(const Station& station, const Request& request);

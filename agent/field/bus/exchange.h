@@ -32,7 +32,7 @@ struct Exchange {
   SteadyTime began{};
   SteadyTime ended{};                      ///< last byte of the reply, or when the agent gave up
   std::int64_t ended_ms = 0;               ///< the same, UTC
-  std::chrono::nanoseconds rest{0};        ///< silence required before it
+  std::chrono::nanoseconds rest{0};        ///< silence required before it, and its enquiry
   std::chrono::nanoseconds turnaround{0};  ///< answered: time beyond that of the characters
   Bytes received;                          ///< unanswered or garbled: bytes in place of an answer
   Bytes asked;                             ///< request frame that `received` came after

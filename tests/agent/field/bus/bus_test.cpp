@@ -823,6 +823,15 @@ TEST_F(BusTest, GapIsKeptBetweenTwoRequests) {
   EXPECT_GE(bus->counters().busy, milliseconds(15)) << "nobody else can use the line meanwhile";
 }
 
+TEST_F(BusTest, EnquiryIsLineTimeOfTheRequestThatFollowsIt) {
+  station.gap = milliseconds(2);
+  station.enquire = EnquirePolicy::always;
+  for (unsigned i = 0; i < 2; ++i)
+    wire->expect(kEnq).give(kAck).expect(kReadD100).give(word_frame(i));
+  open();
+  for (int i = 0; i < 2; ++i) EXPECT_GT(read("D100").rest, 2 * station.gap);
+}
+
 TEST_F(BusTest, ReadWaitsForItsDeadlineAndNoLonger) {
   station.timeout = milliseconds(5);
   wire->expect(kEnq).give(kAck).expect(kReadD100).hang();
