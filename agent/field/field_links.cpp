@@ -178,7 +178,7 @@ void FieldLinks::end(const ConfigChange& change, Done done) {
     if (!places_[link].runs) link_left(link);
   }
   for (std::uint32_t link = 0; link < leaving.size(); ++link) {
-    if (leaving[link].empty()) continue;
+    if (leaving[link].empty() || !places_[link].worker) continue;
     ++still_to_leave_;
     places_[link].worker->remove(leaving[link], [this](const auto& gone) { left(gone); });
   }

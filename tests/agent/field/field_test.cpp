@@ -3,11 +3,13 @@
 #include <gtest/gtest.h>
 
 #include <random>
+#include <stdexcept>
 #include <thread>
 
 #include "agent/commands/admission.h"
 #include "agent/handover/outbox.h"
 #include "tests/agent/field/field_plant.h"
+#include "tests/protocol/gathering_codec.h"
 
 namespace fxagent::test {
 namespace {
@@ -227,6 +229,39 @@ TEST_F(FieldChangeTest, ManyChangesInQuickSuccessionLoseNothing) {
     }
     change_to(std::move(wanted));
   }
+  stop();
+}
+
+/// A codec that fails while a link begins, as a system without memory does.
+class FailingCodec final : public GatheringCodec {
+ public:
+  const PlcServices* plc() const override { throw std::runtime_error("no memory"); }
+};
+
+TEST_F(FieldChangeTest, DeviceOfALinkThatDidNotBeginMayBeRemoved) {
+  const auto change_without_commands = [&](Config wanted) {
+    const auto change =
+        std::make_shared<const ConfigChange>(change_between(now, std::move(wanted)));
+    bool done = false;
+    const auto call = [&] { outbox.ask([&](SteadyTime) { done = true; }); };
+    field->end(change, call);
+    wait([&] { return done; });
+    now = change->config;
+    done = false;
+    field->begin(change, std::vector<std::uint64_t>(now.devices.size(), 100), call);
+    wait([&] { return done; });
+  };
+  Config more = now;
+  more.links.push_back({"line3", SerialSettings{.path = "/dev/ttyNone3"}, {}});
+  for (const char* name : {"third", "fourth"}) {
+    more.devices.push_back(port_device(name, std::make_shared<FailingCodec>()));
+    more.devices.back().link = 2;
+  }
+  change_without_commands(more);
+  more.devices.pop_back();
+  change_without_commands(std::move(more));
+  const std::size_t so_far = seqs["line1"].size();
+  wait([&] { return seqs["line1"].size() > so_far; });
   stop();
 }
 
