@@ -29,6 +29,8 @@ class BusSharing {
   /// of the part that has just ended.
   virtual asio::awaitable<void> give_way(std::chrono::nanoseconds used) = 0;
 
+  /// Called when one frame has written all targets, or may have. No target has its outcome yet.
+  virtual void written_together(const Exchange& exchange) = 0;
   /// Called when a target has its outcome, while others still wait.
   virtual void concluded(std::size_t target, const TargetResult& outcome) = 0;
 

@@ -328,14 +328,15 @@ asio::awaitable<bool> CommandExecution::write_together() {
   const Exchange exchange = co_await wire_.send_once_or_twice(*together, true);
   const bool no_effect =
       !exchange.is_ack() && surely_without_effect(*station_.codec, *together, exchange);
+  if (!no_effect) sharing_.written_together(exchange);
   for (const AdmittedTarget& target : admitted_.targets) {
     TargetResult out = fxagent::result_of(target);
     if (no_effect) {
       set_without_effect(out, exchange);
     } else {
-      // All targets were carried out, or the outcome is unknown. Only the read-back waits for
-      // others.
-      if (!result_.targets.empty()) co_await wire_.go_on(/*share=*/true);
+      // All targets were carried out, or the outcome is unknown. Only a read-back waits for others.
+      const bool is_read = !exchange.is_ack() || is_verified(admitted_, target);
+      if (is_read && !result_.targets.empty()) co_await wire_.go_on(/*share=*/true);
       co_await conclude(target, exchange, out);
     }
     conclude_target(std::move(out));

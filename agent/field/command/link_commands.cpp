@@ -5,6 +5,7 @@
 
 #include "agent/commands/result.h"
 #include "agent/failpoint.h"
+#include "agent/field/bus/exchange.h"
 #include "agent/field/command/command_execution.h"
 #include "agent/field/command/command_line_time.h"
 #include "agent/line_time.h"
@@ -154,6 +155,13 @@ class LinkCommands::Sharing final : public BusSharing {
       }
     }
     scheduler.share().command_taken();
+  }
+
+  void written_together(const Exchange& exchange) override {
+    for (const AdmittedTarget& target : command_.admitted.targets)
+      commands_.poller_.overwritten(*command_.device, *span_of(target.point),
+                                    exchange.is_ack() ? &target.image : nullptr,
+                                    bad_reason(exchange));
   }
 
   void concluded(std::size_t target, const TargetResult& outcome) override {

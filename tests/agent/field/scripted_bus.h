@@ -21,6 +21,7 @@ class Others final : public BusSharing {
     used_before = used;
     co_return;
   }
+  void written_together(const Exchange&) override {}
   void concluded(std::size_t, const TargetResult&) override {}
   Reason why_stopping() const override { return stopping ? Reason::shutting_down : Reason::none; }
   bool is_over() const override { return over; }

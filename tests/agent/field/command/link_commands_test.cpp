@@ -9,6 +9,7 @@
 #include "agent/field/command/command_line_time.h"
 #include "tests/agent/field/command/command_plant.h"
 #include "tests/agent/field/fake_port.h"
+#include "tests/agent/field/late_wire.h"
 #include "tests/agent/field/port_frames.h"
 
 namespace fxagent::test {
@@ -299,6 +300,58 @@ TEST_F(CycleOfTwoReads, FaultInACommandTakesTheOldValueWithIt) {
   open();
   ASSERT_TRUE(polls_bring_telemetry());
   EXPECT_EQ(telemetry[0].readings.at(0).value, number(50));
+}
+
+/// A computer link, which writes a list in one frame. All words of the device have one value.
+struct ListInOneFrame : LinkCommandsTest {
+  ListInOneFrame()
+      : LinkCommandsTest(milliseconds(1), [](DeviceConfig& device) {
+          device.protocol = find_protocol("fx-computer-link");
+          device.codec = codec_of("fx-computer-link", {{"model", std::string("FX2N")}});
+          device.groups[0].interval = milliseconds(0);
+          device.tags.push_back(tag(*device.codec, "far", "D900"));
+        }) {
+    scheduler.share().set_poll_share(0.9);
+    wire->then([this](ByteView request) {
+      const Question question = dialect.understand(request);
+      if (question.kind == Question::Kind::none) return Bytes();
+      if (question.kind == Question::Kind::read) return dialect.data(question, value);
+      value = 50;
+      return dialect.ack(question);
+    });
+    open();
+    EXPECT_TRUE(poll());  // one of two reads, with the old value
+    EXPECT_FALSE(scheduler.share().command_goes_first(true)) << "the polls' claim begins anew";
+  }
+  void run_list(bool verify) {
+    Command command = command_of("list", Op::write);
+    command.verify = verify;
+    command.is_list = true;
+    for (const char* tag : {"x0", "x1", "x2"})
+      command.targets.push_back(target_of(tag, number(50)));
+    submit(std::move(command));
+    run_next();
+    collect();
+    ASSERT_EQ(results.size(), 1U);
+    EXPECT_EQ(results[0].status, CommandStatus::succeeded);
+    EXPECT_TRUE(results[0].one_frame);
+  }
+  const LinkDialect dialect{/*ends_with_cr_lf=*/false};
+  unsigned value = 7;
+};
+
+TEST_F(ListInOneFrame, CycleThatEndsBetweenTheReadBacksHasNoOldValue) {
+  run_list(/*verify=*/true);
+  const auto whole = std::ranges::find(telemetry, false, &Telemetry::partial);
+  ASSERT_NE(whole, telemetry.end()) << "no cycle has ended between";
+  ASSERT_EQ(whole->readings.at(2).tag, 2U);
+  for (std::size_t i = 0; i < 3; ++i) EXPECT_EQ(whole->readings[i].value, number(50)) << i;
+}
+
+TEST_F(ListInOneFrame, NothingGoesBetweenTargetsThatAreNotReadBack) {
+  run_list(/*verify=*/false);
+  EXPECT_EQ(telemetry.size(), 3U);
+  for (const Telemetry& message : telemetry) EXPECT_TRUE(message.partial);
 }
 
 struct CycleWithTheRunSwitch : LinkCommandsTest {
