@@ -43,8 +43,6 @@ class BusDoubt final {
   /// True if foreign bytes were found, or the bus was out of step, within the last kRelapse. The
   /// next answer may be foreign too: every read should be sent twice.
   bool is_wary(SteadyTime now) const { return now < wary_until_; }
-  /// Returns how many more clean exchanges end the doubt.
-  std::uint32_t exchanges_to_go() const { return exchanges_to_go_; }
   /// Returns how often foreign bytes were found. After a change of this number, an answer may
   /// belong to an earlier request.
   std::uint64_t findings() const { return findings_; }

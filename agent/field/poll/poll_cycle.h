@@ -60,9 +60,6 @@ class PollCycle final {
   /// Takes the result of the exchange for these reads, as CycleReads::take(). It is not repeated
   /// any more.
   void take(ReadIndices reads, Exchange exchange);
-  void take(std::uint32_t read, Exchange exchange) {
-    take(ReadIndices(&read, 1), std::move(exchange));
-  }
 
   /// Returns the sample to publish at once after a command has written or read back `tag`, one of
   /// tags(). The tag has this value until this cycle reads it.

@@ -35,6 +35,9 @@ struct PollCycleTest : ::testing::Test {
     exchange.outcome = outcome;
     return exchange;
   }
+  static void take(PollCycle& cycle, std::uint32_t read, Exchange exchange) {
+    cycle.take(ReadIndices(&read, 1), std::move(exchange));
+  }
   Telemetry finished(PollCycle& cycle, bool doubted = false, std::uint64_t findings = 0) {
     auto message = cycle.finish(doubted, findings, 9000, now);
     EXPECT_TRUE(message);
@@ -63,7 +66,7 @@ struct PollCycleBegun : PollCycleTest {
 
 TEST_F(PollCycleBegun, SampleHasTheValuesTheSpanAndTheTimeOfTheLastReply) {
   ASSERT_EQ(cycle.reads().plan().reads.size(), 3U);
-  for (std::uint32_t read = 0; read < 3; ++read) cycle.take(read, data(word(7 + read)));
+  for (std::uint32_t read = 0; read < 3; ++read) take(cycle, read, data(word(7 + read)));
   const Telemetry message = finished(cycle);
   ASSERT_EQ(message.readings.size(), 3U);
   for (std::size_t i = 0; i < 3; ++i) {
@@ -84,15 +87,15 @@ TEST_F(PollCycleTest, WhatWasRefusedIsReadInPartsInTheSameCycle) {
   device.tags[1] = tag(*device.codec, "D101", "D101");
   cycle.use(plan_of(cycle.points(), 64), 0);
   ASSERT_EQ(cycle.reads().plan().reads.size(), 2U);
-  cycle.take(0, nak());
+  take(cycle, 0, nak());
   const std::vector<std::uint32_t> points =
       cycle.reads().points_of(cycle.reads().plan().exchanges[0]);
   ASSERT_EQ(points, (std::vector<std::uint32_t>{0, 1}));
   cycle.reads().read_instead(points, plan_of({device.tags[0].point, device.tags[1].point}, 2));
   ASSERT_EQ(cycle.reads().plan().exchange_count(), 4U);
-  cycle.take(1, data(word(9)));
-  cycle.take(2, data(word(7)));
-  cycle.take(3, nak());
+  take(cycle, 1, data(word(9)));
+  take(cycle, 2, data(word(7)));
+  take(cycle, 3, nak());
   const Telemetry message = finished(cycle);
   EXPECT_EQ(message.readings[0].value, number(7));
   EXPECT_EQ(message.readings[1].bad, BadReason::nak);
@@ -100,39 +103,39 @@ TEST_F(PollCycleTest, WhatWasRefusedIsReadInPartsInTheSameCycle) {
 }
 
 TEST_F(PollCycleBegun, WhatIsLeftOutInPartsIsRefused) {
-  cycle.take(1, nak());
+  take(cycle, 1, nak());
   Holes holes;
   holes.missing = {*span_of(device.tags[1].point)};
   cycle.reads().read_instead({1}, make_plan(*device.codec, std::vector<Point>{device.tags[1].point},
                                             LineCost{}, 2, holes));
   EXPECT_EQ(cycle.reads().plan().exchange_count(), 3U);
-  cycle.take(0, data(word(7)));
-  cycle.take(2, data(word(9)));
+  take(cycle, 0, data(word(7)));
+  take(cycle, 2, data(word(9)));
   const Telemetry message = finished(cycle);
   EXPECT_EQ(message.readings[1].bad, BadReason::nak);
   EXPECT_EQ(message.readings[2].value, number(9));
 }
 
 TEST_F(PollCycleBegun, WhatWasReadAlreadyIsNotReadAgainInParts) {
-  cycle.take(0, data(word(7)));
-  cycle.take(1, nak());
+  take(cycle, 0, data(word(7)));
+  take(cycle, 1, nak());
   cycle.reads().read_instead(
       {0, 1},
       make_plan(*device.codec, std::vector<Point>{device.tags[0].point, device.tags[1].point},
                 LineCost{}, 2));
   EXPECT_TRUE(cycle.reads().has_images(std::vector{3U}));
   EXPECT_FALSE(cycle.reads().has_images(std::vector{4U}));
-  cycle.take(2, data(word(9)));
-  cycle.take(4, data(word(8)));
+  take(cycle, 2, data(word(9)));
+  take(cycle, 4, data(word(8)));
   const Telemetry message = finished(cycle);
   for (std::size_t i = 0; i < 3; ++i)
     EXPECT_EQ(message.readings[i].value, number(i == 0 ? 7 : i == 1 ? 8 : 9));
 }
 
 TEST_F(PollCycleBegun, FailedReadTakesOnlyItsOwnTagsAlong) {
-  cycle.take(0, data(word(7)));
-  cycle.take(1, nak());
-  cycle.take(2, failed(Exchange::Outcome::garbled));
+  take(cycle, 0, data(word(7)));
+  take(cycle, 1, nak());
+  take(cycle, 2, failed(Exchange::Outcome::garbled));
   const Telemetry message = finished(cycle);
   EXPECT_FALSE(message.readings[0].bad);
   EXPECT_EQ(message.readings[1].bad, BadReason::nak);
@@ -141,7 +144,7 @@ TEST_F(PollCycleBegun, FailedReadTakesOnlyItsOwnTagsAlong) {
 }
 
 TEST_F(PollCycleBegun, GivenUpCycleKeepsWhatWasRead) {
-  cycle.take(0, data(word(7)));
+  take(cycle, 0, data(word(7)));
   cycle.reads().give_up(BadReason::timeout);
   const Telemetry message = finished(cycle);
   EXPECT_FALSE(message.readings[0].bad);
@@ -162,25 +165,25 @@ TEST_F(PollCycleBegun, ReadIsRepeatedAsOftenAsTheConfigAllowsAndTheNextOneAnew) 
   EXPECT_TRUE(cycle.may_repeat());
   EXPECT_TRUE(cycle.may_repeat());
   EXPECT_FALSE(cycle.may_repeat());
-  cycle.take(0, nak());
+  take(cycle, 0, nak());
   EXPECT_TRUE(cycle.may_repeat());
 }
 
 TEST_F(PollCycleBegun, WrittenValueIsASampleAndNewerThanWhatTheCycleHasRead) {
-  cycle.take(0, data(word(7)));
+  take(cycle, 0, data(word(7)));
   const Telemetry at_once = cycle.written(0, number(50), 1015);
   EXPECT_TRUE(at_once.partial);
   EXPECT_EQ(at_once.ts_ms, 1015);
   ASSERT_EQ(at_once.readings.size(), 1U);
   EXPECT_EQ(at_once.readings[0].value, number(50));
-  cycle.take(1, data(word(8)));
-  cycle.take(2, data(word(9)));
+  take(cycle, 1, data(word(8)));
+  take(cycle, 2, data(word(9)));
   EXPECT_EQ(finished(cycle).readings[0].value, number(50));
 }
 
 TEST_F(PollCycleBegun, WrittenValueIsOlderThanAReadThatComesAfterIt) {
   cycle.written(1, number(50), 1000);
-  for (std::uint32_t read = 0; read < 3; ++read) cycle.take(read, data(word(7)));
+  for (std::uint32_t read = 0; read < 3; ++read) take(cycle, read, data(word(7)));
   EXPECT_EQ(finished(cycle).readings[1].value, number(7));
 }
 
@@ -197,20 +200,20 @@ TEST_F(PollCycleTest, ArrayThatIsCutKeepsTheWholeThatWasWrittenBetweenItsReads) 
   device.tags.assign(1, array_of(tag(*device.codec, "recipe", "D100"), 2));
   PollCycle cycle = begun();
   ASSERT_EQ(cycle.reads().plan().reads.size(), 2U);
-  cycle.take(0, data(word(1)));
+  take(cycle, 0, data(word(1)));
   cycle.written(0, numbers({50, 51}), 1015);
-  cycle.take(1, data(word(51)));
+  take(cycle, 1, data(word(51)));
   EXPECT_EQ(finished(cycle).readings[0].value, numbers({50, 51}));
 }
 
 TEST_F(PollCycleBegun, PlaceThatMayHaveBeenWrittenIsBadUntilItIsReadAgain) {
-  cycle.take(0, data(word(7)));
+  take(cycle, 0, data(word(7)));
   cycle.overwritten(*span_of(device.tags[0].point), nullptr, BadReason::timeout);
   EXPECT_EQ(cycle.reads().outdated(), 0U);
-  cycle.take(0, data(word(8)));
+  take(cycle, 0, data(word(8)));
   EXPECT_FALSE(cycle.reads().outdated());
-  cycle.take(1, data(word(1)));
-  cycle.take(2, data(word(2)));
+  take(cycle, 1, data(word(1)));
+  take(cycle, 2, data(word(2)));
   const Telemetry message = finished(cycle);
   EXPECT_EQ(message.readings[0].value, number(8));
   EXPECT_EQ(message.readings[2].value, number(2));
@@ -221,7 +224,7 @@ TEST_F(PollCycleTest, ReadThatIsNotRepeatedInTimeTakesOnlyTheWrittenTagAlong) {
   PollCycle cycle(device, 0);
   cycle.use(make_plan(*device.codec, cycle.points(), LineCost{}, 4), 0);
   ASSERT_EQ(cycle.reads().plan().reads.size(), 2U);
-  cycle.take(0, data({7, 0, 9, 0}));
+  take(cycle, 0, data({7, 0, 9, 0}));
   cycle.overwritten(*span_of(device.tags[0].point), nullptr, BadReason::nak);
   cycle.reads().give_up(BadReason::link_down);
   const Telemetry message = finished(cycle);
@@ -233,56 +236,56 @@ TEST_F(PollCycleTest, ReadThatIsNotRepeatedInTimeTakesOnlyTheWrittenTagAlong) {
 }
 
 TEST_F(PollCycleBegun, FloodOfLostWritesDoesNotKeepACycleFromItsEnd) {
-  cycle.take(0, data(word(7)));
+  take(cycle, 0, data(word(7)));
   cycle.overwritten(*span_of(device.tags[0].point), nullptr, BadReason::timeout);
-  cycle.take(0, data(word(8)));
+  take(cycle, 0, data(word(8)));
   cycle.overwritten(*span_of(device.tags[0].point), nullptr, BadReason::timeout);
   EXPECT_FALSE(cycle.reads().outdated()) << "once in a cycle";
-  cycle.take(1, data(word(1)));
-  cycle.take(2, data(word(2)));
+  take(cycle, 1, data(word(1)));
+  take(cycle, 2, data(word(2)));
   const Telemetry message = finished(cycle);
   EXPECT_EQ(message.readings[0].bad, BadReason::timeout);
   EXPECT_FALSE(message.readings[1].bad);
 }
 
 TEST_F(PollCycleBegun, TwoLostWritesInARowStillLeaveOneReadToItsTurn) {
-  cycle.take(0, data(word(7)));
+  take(cycle, 0, data(word(7)));
   cycle.overwritten(*span_of(device.tags[0].point), nullptr, BadReason::timeout);
   cycle.overwritten(*span_of(device.tags[0].point), nullptr, BadReason::timeout);
   ASSERT_EQ(cycle.reads().outdated(), 0U);
-  cycle.take(0, data(word(8)));
-  cycle.take(1, data(word(1)));
-  cycle.take(2, data(word(2)));
+  take(cycle, 0, data(word(8)));
+  take(cycle, 1, data(word(1)));
+  take(cycle, 2, data(word(2)));
   const Telemetry message = finished(cycle);
   EXPECT_FALSE(message.readings[0].bad);
   EXPECT_EQ(message.readings[0].value, number(8));
 }
 
 TEST_F(PollCycleBegun, ReadAgainThatFailsIsNotRepeatedForEver) {
-  cycle.take(0, data(word(7)));
+  take(cycle, 0, data(word(7)));
   cycle.overwritten(*span_of(device.tags[0].point), nullptr, BadReason::timeout);
-  cycle.take(0, nak());
+  take(cycle, 0, nak());
   EXPECT_FALSE(cycle.reads().outdated());
-  cycle.take(1, data(word(1)));
-  cycle.take(2, data(word(2)));
+  take(cycle, 1, data(word(1)));
+  take(cycle, 2, data(word(2)));
   EXPECT_EQ(finished(cycle).readings[0].bad, BadReason::timeout);
 }
 
 TEST_F(PollCycleTest, HalvesOfAnArrayThatWereReadOnBothSidesOfAWriteAreNotMixed) {
   device.tags.assign(1, array_of(tag(*device.codec, "recipe", "D100"), 2));
   PollCycle cycle = begun();
-  cycle.take(0, data(word(1)));
+  take(cycle, 0, data(word(1)));
   const Bytes written{50, 0, 51, 0};
   cycle.overwritten(*span_of(device.tags[0].point), &written, BadReason::timeout);
-  cycle.take(1, data(word(51)));
+  take(cycle, 1, data(word(51)));
   EXPECT_EQ(finished(cycle).readings[0].value, numbers({50, 51}));
 }
 
 TEST_F(PollCycleTest, ForeignBytesDuringTheCycleMakeAllOfItBad) {
   PollCycle cycle = begun(3);
-  cycle.take(0, data(word(1)));
-  cycle.take(1, nak());
-  cycle.take(2, data(word(1)));
+  take(cycle, 0, data(word(1)));
+  take(cycle, 1, nak());
+  take(cycle, 2, data(word(1)));
   const Telemetry message = finished(cycle, false, 4);
   EXPECT_EQ(message.readings[0].bad, BadReason::bad_frame);
   EXPECT_EQ(message.readings[1].bad, BadReason::nak) << "a reason of its own goes first";
@@ -291,7 +294,7 @@ TEST_F(PollCycleTest, ForeignBytesDuringTheCycleMakeAllOfItBad) {
 
 TEST_F(PollCycleTest, NothingIsGoodOnADoubtedBus) {
   PollCycle cycle = begun(4);
-  for (std::uint32_t read = 0; read < 3; ++read) cycle.take(read, data(word(1)));
+  for (std::uint32_t read = 0; read < 3; ++read) take(cycle, read, data(word(1)));
   for (const TagReading& reading : finished(cycle, true, 4).readings)
     EXPECT_EQ(reading.bad, BadReason::bad_frame);
 }
@@ -301,7 +304,7 @@ TEST_F(PollCycleTest, NewCycleKnowsNothingOfTheOneBefore) {
   cycle.written(0, number(50), 1000);
   cycle.reads().give_up(BadReason::timeout);
   cycle.begin(5);
-  for (std::uint32_t read = 0; read < 3; ++read) cycle.take(read, data(word(1)));
+  for (std::uint32_t read = 0; read < 3; ++read) take(cycle, read, data(word(1)));
   for (const TagReading& reading : finished(cycle, false, 5).readings) {
     EXPECT_FALSE(reading.bad);
     EXPECT_EQ(reading.value, number(1));
@@ -309,7 +312,7 @@ TEST_F(PollCycleTest, NewCycleKnowsNothingOfTheOneBefore) {
 }
 
 TEST_F(PollCycleBegun, WhatWasSaidIsNotSaidAgain) {
-  for (std::uint32_t read = 0; read < 3; ++read) cycle.take(read, data(word(7)));
+  for (std::uint32_t read = 0; read < 3; ++read) take(cycle, read, data(word(7)));
   finished(cycle);
   EXPECT_FALSE(cycle.reads().has_images(std::vector{0U}));
   cycle.reads().give_up(BadReason::link_down);  // as for a step of a cycle that never began
@@ -324,7 +327,7 @@ TEST_F(PollCycleTest, TagWithoutAReadIsUnsupportedOrWasRefused) {
   plan.sources[2] = {};
   plan.refused = {2};
   cycle.use(std::move(plan), 0);
-  cycle.take(1, data(word(1)));
+  take(cycle, 1, data(word(1)));
   const Telemetry message = finished(cycle);
   EXPECT_EQ(message.readings[0].bad, BadReason::unsupported);
   EXPECT_FALSE(message.readings[1].bad);
@@ -334,7 +337,7 @@ TEST_F(PollCycleTest, TagWithoutAReadIsUnsupportedOrWasRefused) {
 TEST_F(PollCycleTest, ValueThatIsNoNumberIsBadValue) {
   device.tags[0].point.type = DataType::bcd16;
   PollCycle cycle = begun();
-  for (std::uint32_t read = 0; read < 3; ++read) cycle.take(read, data(word(0x0A00)));
+  for (std::uint32_t read = 0; read < 3; ++read) take(cycle, read, data(word(0x0A00)));
   EXPECT_EQ(finished(cycle).readings[0].bad, BadReason::bad_value);
 }
 
@@ -344,7 +347,7 @@ TEST_F(PollCycleTest, ValueThatIsNoneIsToldOnceWithWhatIsThere) {
   const auto told_after = [&](std::uint16_t raw, seconds pause) {
     now += pause;
     cycle.begin(0);
-    for (std::uint32_t read = 0; read < 3; ++read) cycle.take(read, data(word(raw)));
+    for (std::uint32_t read = 0; read < 3; ++read) take(cycle, read, data(word(raw)));
     cycle.finish(false, 0, 5000, now);
     return cycle.take_no_values();
   };
@@ -369,9 +372,9 @@ TEST_F(PollCycleTest, FloatThatIsPlainInAnotherWordOrderIsToldOnce) {
   PollCycle cycle = begun();
   const auto told_of = [&](std::uint16_t first, std::uint16_t second) {
     cycle.begin(0);
-    cycle.take(0, data(word(first)));
-    cycle.take(1, data(word(second)));
-    for (std::uint32_t read = 2; read < 4; ++read) cycle.take(read, data(word(1)));
+    take(cycle, 0, data(word(first)));
+    take(cycle, 1, data(word(second)));
+    for (std::uint32_t read = 2; read < 4; ++read) take(cycle, read, data(word(1)));
     EXPECT_FALSE(finished(cycle).readings[0].bad) << "it is a number all the same";
     return cycle.take_no_values();
   };
@@ -387,10 +390,10 @@ TEST_F(PollCycleTest, FloatThatIsPlainInAnotherWordOrderIsToldOnce) {
 TEST_F(PollCycleTest, GroupThatHasNothingNewToSayHasNoSample) {
   device.groups[0].on_change = true;
   PollCycle cycle = begun();
-  for (std::uint32_t read = 0; read < 3; ++read) cycle.take(read, data(word(1)));
+  for (std::uint32_t read = 0; read < 3; ++read) take(cycle, read, data(word(1)));
   finished(cycle);
   cycle.begin(0);
-  for (std::uint32_t read = 0; read < 3; ++read) cycle.take(read, data(word(1)));
+  for (std::uint32_t read = 0; read < 3; ++read) take(cycle, read, data(word(1)));
   EXPECT_FALSE(cycle.finish(false, 0, 9000, now));
 }
 
