@@ -123,6 +123,40 @@ TEST_F(SparkplugTest, ArrayIsWrittenInItsOwnTypeOnly) {
     EXPECT_EQ(each.payload, R"({"id":"id-1","op":"write","tag":"setpoint","value":[7,-1]})");
 }
 
+TEST_F(SparkplugTest, IntegerHasTheSignOfItsOwnDataType) {
+  Point& point = config_.devices[0].tags[test::setpoint].point;
+  const std::string name = "0A 08 73 65 74 70 6F 69 6E 74 ";  // setpoint
+  const std::string minus5 = "50 FB FF FF FF 0F ";            // int_value
+  const std::string long_minus5 = "58 FB FF FF FF FF FF FF FF FF 01 ";
+  const std::string large = "50 80 BC C1 96 0B ";  // 3000000000
+  struct Case {
+    std::string type;  // of the metric; empty: none
+    std::string value;
+    DataType tag;
+    double scale;
+    std::string expected;
+  };
+  for (const Case& each :
+       {Case{"20 03 ", minus5, DataType::uint32, 1, "-5"},
+        Case{"20 04 ", long_minus5, DataType::uint64, 1, "-5"},
+        Case{"20 07 ", large, DataType::int64, 1, "3000000000"},
+        Case{"20 07 ", large, DataType::float64, 1, "3000000000"},
+        Case{"20 07 ", large, DataType::int32, 0.1, "3000000000"},
+        Case{"20 08 ", long_minus5, DataType::int64, 1, R"("18446744073709551611")"},
+        Case{"", minus5, DataType::int32, 1, "-5"},
+        Case{"", minus5, DataType::uint32, 1, "4294967291"}}) {
+    SCOPED_TRACE(each.type + "to " + std::string(to_string(each.tag)));
+    point.type = each.tag;
+    point.scale = each.scale;
+    const std::string metric = bytes(name + each.type + each.value);
+    hear("spBv1.0/plant-a/DCMD/edge7/press1",
+         "\x12" + std::string(1, static_cast<char>(metric.size())) + metric);
+    ASSERT_FALSE(relayed_.empty());
+    EXPECT_EQ(relayed_.back().payload,
+              R"({"id":"id-1","op":"write","tag":"setpoint","value":)" + each.expected + "}");
+  }
+}
+
 TEST_F(SparkplugTest, SessionsAreCountedFrom0To255) {
   Publication first = profile_->last_will();
   EXPECT_EQ(first.topic, "spBv1.0/plant-a/NDEATH/edge7");
