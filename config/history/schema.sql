@@ -128,12 +128,15 @@ BEGIN
   GET DIAGNOSTICS stored = ROW_COUNT;
   repeated := jsonb_array_length(batch->'samples') - stored;
 
+  -- Two consumers of a share may store the health of one boot in another order. A newer health has an earlier time if the
+  -- clock was ahead, or is wrong after a restart.
   INSERT INTO agents AS a (agent, boot, ts, waiting)
   SELECT DISTINCT ON (h.agent) h.agent, h.boot, to_timestamp(h.ts / 1000.0), h.waiting
-  FROM jsonb_to_recordset(batch->'health') AS h(agent text, boot text, ts bigint, waiting bigint)
-  ORDER BY h.agent, h.ts DESC
+  FROM ROWS FROM (jsonb_to_recordset(batch->'health') AS (agent text, boot text, ts bigint, waiting bigint))
+       WITH ORDINALITY AS h(agent, boot, ts, waiting, place)
+  ORDER BY h.agent, h.place DESC
   ON CONFLICT (agent) DO UPDATE SET boot = excluded.boot, ts = excluded.ts, waiting = excluded.waiting
-    WHERE a.ts <= excluded.ts;
+    WHERE a.boot <> excluded.boot OR a.ts <= excluded.ts OR a.ts > now();
 
   INSERT INTO dropped AS d (agent, device, boot, ts, dropped, baseline)
   SELECT n.agent, n.device, n.boot, to_timestamp(max(n.ts) / 1000.0), max(n.dropped),

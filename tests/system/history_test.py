@@ -379,6 +379,22 @@ class Schema(unittest.TestCase):
             self.database.psql("SELECT history.maintain('400')", user="writer")
         self.assertEqual(self.database.value("SELECT count(*) FROM history.samples"), 10)
 
+    def test_the_newest_health_counts_whatever_its_clock_says(self):
+        now = self.database.value("SELECT (extract(epoch FROM now()) * 1000)::bigint")
+        day = 86_400_000
+
+        def waiting_after(*healths):
+            rows = [{"agent": "fx/a", "boot": boot, "ts": ts, "waiting": waiting, "dropped": {}} for boot, ts, waiting in healths]
+            self.database.psql(f"SELECT history.put('{json.dumps({'samples': [], 'health': rows, 'refused': []})}')", user="writer")
+            return self.database.value("SELECT waiting FROM history.agents")
+
+        self.assertEqual(waiting_after(("b1", now + 4000 * day, 7)), 7)
+        self.assertEqual(waiting_after(("b1", now - 3000, 1)), 1, "the clock was ahead")
+        self.assertEqual(waiting_after(("b1", now - 2000, 2), ("b1", now + 4000 * day, 7), ("b1", now - 1000, 3)), 3)
+        self.assertEqual(waiting_after(("b1", now - 2000, 2)), 3, "another consumer was slow")
+        self.assertEqual(waiting_after(("b2", now - 4000 * day, 4)), 4, "the clock is wrong since the restart")
+        self.assertEqual(waiting_after(("b2", now, 5)), 5)
+
     def psql_again(self):
         """The schema may be run again, and keeps what is there."""
         self.database.psql(file=os.path.join(CONFIG, "schema.sql"))
