@@ -6,6 +6,7 @@
 #include "agent/commands/result.h"
 #include "agent/failpoint.h"
 #include "agent/log/log.h"
+#include "agent/text/text.h"
 #include "agent/uplink/topics.h"
 
 namespace fxagent {
@@ -36,6 +37,7 @@ void ResultDelivery::add(ResultMessage result, SteadyTime now) {
   if (result.reply) result.reply(with_total(result.text, now - result.received));
   result.reply = nullptr;
   const std::string& device = result.device;
+  if (!is_name(device)) return;  // a profile or the page named what no device can be
   Pending pending;
   pending.copies.push_back({.topic = base_ + "/" + device + "/result"});
   // Up to 64 KiB of the sender's data: kept once.

@@ -28,7 +28,8 @@ class ResultDelivery final : public Outgoing::Sender {
   ResultDelivery(const Config& config, CommandResults& results, Outgoing& outgoing,
                  JitteredBackoff& backoff, UtcClock utc_ms);
 
-  /// Calls the result's `reply`, if it has one, and queues the result for the broker.
+  /// Calls the result's `reply`, if it has one, and queues the result for the broker unless no
+  /// device can have the name.
   void add(ResultMessage result, SteadyTime now);
   /// Sends results for which there is room. `heard` is the count of messages received so far, if
   /// some are held back. True: some were sent, and the window is too small to share, so samples go

@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "agent/text/text.h"
 #include "agent/uplink/topics.h"
 
 namespace fxagent {
@@ -40,6 +41,7 @@ void JsonProfile::hear(const Message& message) {
   const auto device = device_of(message.topic, base, "command");
   if (!device || !relay_) return;
   if (message.payload.empty()) return;  // it clears a retained topic
+  if (!is_name(*device)) return ignore_command(message, "no device can have this name");
   if (is_for_link(config_, message, *device)) return;
   RelayedCommand command = relayed_command(message, std::string(*device), broker_);
   command.payload = message.payload;

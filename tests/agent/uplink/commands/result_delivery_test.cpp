@@ -53,6 +53,21 @@ TEST_F(ResultDeliveryOnlineTest, RefusedResponseTopicIsGivenUpAtOnce) {
   EXPECT_EQ(bench.broker.on(kResponse).size(), 1U);
 }
 
+TEST_F(ResultDeliveryOnlineTest, CommandForWhatNoDeviceCanBeIsAnsweredAndNotPublished) {
+  for (const char* name : {"a b/c", "p1+", "Press1", "press9"}) {
+    std::string answer;
+    RelayedCommand command;
+    command.device = name;
+    command.payload = R"({"id":"a","op":"read","tag":"temp"})";
+    command.reply = [&answer](const std::string& result) { answer = result; };
+    bench.made().take_relayed(std::move(command), bench.now);
+    bench.settle();
+    EXPECT_NE(answer.find(R"("reason":"unknown_device")"), std::string::npos) << name << answer;
+  }
+  ASSERT_EQ(bench.broker.log.size(), 1U);
+  EXPECT_EQ(bench.broker.log[0].topic, kBase + "/press9/result");
+}
+
 TEST_F(ResultDeliveryOnlineTest, EveryWaitingResultGoesToItsResponseTopic) {
   bench.broker.acknowledges = false;
   for (const char* id : {"a", "b", "c"}) {

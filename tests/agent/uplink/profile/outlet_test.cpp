@@ -154,6 +154,13 @@ TEST_P(OutletTest, EverySampleIsInOnePlaceWhateverTheBrokerDoes) {
   EXPECT_EQ(counts.dropped, 0U);
 }
 
+TEST_P(OutletTest, CommandForWhatNoDeviceCanBeIsIgnored) {
+  settle();
+  broker_.send(test::message_on(config_.base_topic() + "/a b/command", R"({"id":"a","op":"run"})"));
+  settle();
+  EXPECT_TRUE(relayed_.empty());
+}
+
 TEST_P(OutletTest, LostSamplesAreWarnedOfWithTheNameOfTheProfile) {
   settle();
   Outbox::Batch batch;
