@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <optional>
+#include <span>
 #include <string_view>
 #include <utility>
 
@@ -10,6 +11,7 @@
 #include "agent/text/json.h"
 #include "agent/text/json_writer.h"
 #include "agent/text/text.h"
+#include "protocol/codec.h"
 #include "protocol/letter_case.h"
 #include "protocol/value/point.h"
 
@@ -116,14 +118,19 @@ void for_each_entity(const DeviceConfig& device, bool writes, Visit visit) {
   }
 }
 
+/// Returns the ops that are buttons of the device.
+std::span<const std::string_view> buttons_of(const DeviceConfig& device, bool writes) {
+  const bool has_them = writes && device.commands.allow_run_stop && device.codec->plc() != nullptr;
+  return std::span(kRunStop).first(has_them ? kRunStop.size() : 0);
+}
+
 /// Platform by key of all components of the device.
 std::map<std::string, std::string> components_of(const DeviceConfig& device, bool writes) {
   std::map<std::string, std::string> components;
   for_each_entity(device, writes,
                   [&](const Entity& entity) { components.emplace(entity.key(), entity.platform); });
-  if (writes && device.commands.allow_run_stop)
-    for (const std::string_view op : kRunStop)
-      components.emplace("button_" + std::string(op), "button");
+  for (const std::string_view op : buttons_of(device, writes))
+    components.emplace("button_" + std::string(op), "button");
   return components;
 }
 
@@ -380,14 +387,13 @@ Publication HomeAssistantProfile::discovery(std::uint32_t device, const Componen
   for (const auto& [key, platform] : removed)
     out.key(key).begin_object().key("platform").string(platform).end_object();
   for_each_entity(of, writes_, [&](const Entity& entity) { write_entity(out, of, base, entity); });
-  if (writes_ && of.commands.allow_run_stop)
-    for (const std::string_view op : kRunStop) {
-      out.key("button_" + std::string(op)).begin_object().key("platform").string("button");
-      out.key("unique_id").string(id_of(base + "/button/" + std::string(op)));
-      out.key("name").string(op);
-      write_command(out, base, command_template(op, ""));
-      out.end_object();
-    }
+  for (const std::string_view op : buttons_of(of, writes_)) {
+    out.key("button_" + std::string(op)).begin_object().key("platform").string("button");
+    out.key("unique_id").string(id_of(base + "/button/" + std::string(op)));
+    out.key("name").string(op);
+    write_command(out, base, command_template(op, ""));
+    out.end_object();
+  }
   out.end_object().end_object();
   return retained(topic_of(id), out.take());
 }

@@ -4,6 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "protocol/modbus/modbus.h"
 #include "tests/agent/uplink/plant.h"
 
 namespace fxagent::test {
@@ -108,6 +109,14 @@ TEST_F(HomeAssistant, PlatformsFollowTypeAndAccess) {
     EXPECT_TRUE(key.starts_with("sensor_") || key.starts_with("binary_sensor_")) << key;
     EXPECT_FALSE(component.contains("command_topic")) << key;
   }
+}
+
+TEST_F(HomeAssistant, ProtocolWithoutRunAndStopHasNoButtons) {
+  config_.devices[0].commands.allow_run_stop = true;
+  config_.devices[0].codec = std::make_shared<const modbus::Modbus>(modbus::Modbus::Settings{});
+  begin();
+  for (const auto& [key, component] : components().items())
+    EXPECT_FALSE(key.starts_with("button_")) << key;
 }
 
 TEST_F(HomeAssistant, ArrayHasAnEntityForEachOfTheFirst64Elements) {
