@@ -48,7 +48,8 @@ std::string instead_of(const Scalar& scalar, DataType type) {
     if (is_bit && (*text == "true" || *text == "false"))
       return ": send " + *text + " without quotes, not the text " + shown(*text);
     if (const auto number = number_in(*text); number && !shown(*text).empty())
-      return ": send the number " + spelled(*number) + ", not the text " + shown(*text);
+      return ": send the number " + (whole_from(*text) ? *text : spelled(*number)) +
+             ", not the text " + shown(*text);
     return shown(*text).empty() ? ", not a text" : ", not the text " + shown(*text);
   }
   if (type == DataType::string) {

@@ -498,6 +498,9 @@ TEST(Pack, AWrongKindSaysWhatToSendInstead) {
        {Case{word, text("50"), R"(int16 takes a number: send the number 50, not the text "50")"},
         Case{word, text(" -2.5 "),
              R"(int16 takes a number: send the number -2.5, not the text " -2.5 ")"},
+        Case{word_point(DataType::float64), text("9007199254740993"),
+             "float64 takes a number: send the number 9007199254740993, not the text "
+             R"("9007199254740993")"},
         Case{word, text("fifty"), R"(int16 takes a number, not the text "fifty")"},
         Case{word, text("23,5"), R"(int16 takes a number, not the text "23,5")"},
         Case{word, text("inf"), R"(int16 takes a number, not the text "inf")"},
