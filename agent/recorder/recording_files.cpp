@@ -63,7 +63,7 @@ std::string RecordingFiles::begin() {
   return DurableFile(directory_, kAnswer).write("");
 }
 
-std::string RecordingFiles::make_room(std::uint64_t bytes) const {
+std::string RecordingFiles::make_room(std::uint64_t bytes, const std::string& time) const {
   if (bytes > most_bytes_)
     return "the recording has " + std::to_string(bytes) + " bytes, and max_bytes is " +
            std::to_string(most_bytes_) + ": raise it or lower link_bytes";
@@ -85,6 +85,10 @@ std::string RecordingFiles::make_room(std::uint64_t bytes) const {
   }
   if (fault) return directory_ + ": " + fault.message();
   std::ranges::sort(files);  // by name, which begins with the time
+  const auto is_later = [&](const auto& file) {
+    return file.first.filename().string().compare(0, time.size(), time) > 0;
+  };
+  std::ranges::stable_partition(files, is_later);
   std::size_t left = files.size();
   for (const auto& [path, size] : files) {
     if (left < most_files_ && total <= most_bytes_) break;
@@ -99,9 +103,9 @@ std::string RecordingFiles::write(std::string_view link, std::int64_t written_us
                                   std::string_view text, std::string& path) {
   if (lock_ < 0)
     if (std::string fault = begin(); !fault.empty()) return fault;
-  if (std::string fault = make_room(text.size()); !fault.empty()) return fault;
   std::string name = utc_us_text(written_us);
   std::ranges::replace(name, ':', '-');
+  if (std::string fault = make_room(text.size(), name); !fault.empty()) return fault;
   name.append("-").append(link).append(kRecordingSuffix);
   const DurableFile file(directory_, name);
   if (std::string fault = file.write(text); !fault.empty()) return fault;

@@ -37,8 +37,9 @@ class RecordingFiles final {
   std::string answer(std::int64_t now_us, const std::vector<std::string>& paths);
 
  private:
-  /// Deletes the oldest recordings until `bytes` more fit.
-  std::string make_room(std::uint64_t bytes) const;
+  /// Deletes the oldest recordings until `bytes` more fit. Those with a later time than `time`, of
+  /// a clock that was ahead, go first.
+  std::string make_room(std::uint64_t bytes, const std::string& time) const;
 
   const std::string directory_;
   const std::size_t most_files_;
