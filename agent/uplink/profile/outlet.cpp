@@ -52,6 +52,8 @@ void Outlet::take(const Outbox::Batch& batch, SteadyTime now) {
 }
 
 void Outlet::change(const ConfigChange& change, SteadyTime now) {
+  // The profile has nothing for live samples of these; as history they are delivered or counted.
+  samples_.make_history({change.devices_gone.begin(), change.devices_gone.end()});
   samples_.change(change);
   profile_.change(change);
   if (!change.mqtt || !settings_.mqtt_of) return;

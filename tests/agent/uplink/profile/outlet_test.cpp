@@ -154,6 +154,24 @@ TEST_P(OutletTest, EverySampleIsInOnePlaceWhateverTheBrokerDoes) {
   EXPECT_EQ(counts.dropped, 0U);
 }
 
+TEST_P(OutletTest, LiveSampleOfARemovedDeviceIsDeliveredOrDropped) {
+  broker_.acknowledges_qos0 = true;
+  take(DeviceStatus::State::online);
+  settle();
+  drained();
+  take(1);
+  Config wanted = config_;
+  wanted.devices = {test::press("press2")};
+  const ConfigChange change = change_between(config_, std::move(wanted));
+  config_ = change.config;
+  outlet_->change(change, now_);
+  const SampleCounts counts = drained();
+  // A sample of Sparkplug needs the birth of its device.
+  const std::uint64_t dropped = GetParam() == ProfileConfig::Kind::sparkplug ? 1 : 0;
+  EXPECT_EQ(counts.dropped, dropped);
+  EXPECT_EQ(counts.acknowledged, 1 - dropped);
+}
+
 TEST_P(OutletTest, CommandForWhatNoDeviceCanBeIsIgnored) {
   settle();
   broker_.send(test::message_on(config_.base_topic() + "/a b/command", R"({"id":"a","op":"run"})"));
