@@ -1,5 +1,5 @@
-// Exact decimal arithmetic for values that a double cannot hold: raw integers and scaled values
-// beyond ±2^53. raw.cpp computes smaller ones with doubles.
+// Exact decimal arithmetic for large raw integers and scaled values. raw.cpp computes smaller ones
+// with doubles.
 #pragma once
 
 #include <boost/multiprecision/cpp_int.hpp>

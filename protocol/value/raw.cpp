@@ -6,6 +6,8 @@
 namespace fxagent {
 namespace {
 
+// Scaling by doubles is exact up to here. Beyond it, rounding errors add up to a whole step.
+constexpr double kMostScaled = kExactDouble / 16;
 // More decimals than a double can show.
 constexpr int kMaxDecimals = 17;
 
@@ -86,8 +88,7 @@ Result<Scalar> scaled_whole(const Point& point, const Whole& raw) {
   const auto nearest = raw.convert_to<double>();
   const double exact = nearest * point.scale + point.offset;
   if (!std::isfinite(exact)) return not_finite();
-  // A double of 2^53 may stand for 2^53 + 1.
-  if (std::abs(nearest) >= kExactDouble || std::abs(exact) >= kExactDouble)
+  if (std::abs(nearest) >= kMostScaled || std::abs(exact) >= kMostScaled)
     return scaled_exactly(raw, point.scale, point.offset);
   return Scalar(to_decimals(exact, point.decimals));
 }
@@ -110,8 +111,7 @@ double unscaled(const Point& point, double value) {
 Whole nearest_raw(const Point& point, const Scalar& scalar) {
   const double value = as_double(scalar);
   const double raw = unscaled(point, value);
-  if (std::abs(value) < kExactDouble && std::abs(raw) < kExactDouble)
-    return Whole(std::llround(raw));
+  if (std::abs(value) < kMostScaled && std::abs(raw) < kMostScaled) return Whole(std::llround(raw));
   return unscaled_exactly(scalar, point.scale, point.offset);
 }
 

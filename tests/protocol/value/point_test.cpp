@@ -435,6 +435,23 @@ TEST(Pack, EveryRawValueComesBackThroughItsUnits) {
   }
 }
 
+TEST(Pack, LargeRawValueComesBackThroughItsUnits) {
+  for (const double scale : {0.1, 0.05, 0.001}) {
+    const Point point = scaled_point(DataType::int64, scale, 0);
+    // From 2^52 on, some neighbours have the same double.
+    for (std::int64_t raw = (std::int64_t{1} << 52) - 1; raw > std::int64_t{1} << 51;
+         raw -= raw / 99) {
+      Bytes image;
+      for (int shift = 0; shift < 64; shift += 8)
+        image.push_back(static_cast<std::uint8_t>(raw >> shift));
+      ASSERT_EQ(*pack(point, *unpack(point, image, 0)), image) << raw << " x " << scale;
+    }
+  }
+  // 2^52 - 7
+  EXPECT_EQ(read(scaled_point(DataType::int64, 0.1, 0), "F9 FF FF FF FF FF 0F 00"),
+            real(450359962737048.9));
+}
+
 TEST(Pack, AValueOutsideTheRawRangeIsOutOfRange) {
   const std::pair<Point, Value> cases[] = {
       {word_point(DataType::int16), whole(32768)},
