@@ -88,7 +88,7 @@ void add_units(Metric& metric, const TagConfig& tag) {
   add_property(metric, "readOnly", Type::boolean).set_boolean_value(!tag.writable);
 }
 
-/// Returns the value of a command's metric as JSON. Its data type says if an integer has a sign; a
+/// Returns the value of a command's metric as JSON. Its data type says how to read an integer; a
 /// metric without one has that of the tag, `type`. A value of another kind is returned as it came:
 /// admission refuses it with the reason. nullopt: the metric has no value.
 std::optional<std::string> json_of(const Metric& metric, Type type) {
@@ -96,16 +96,17 @@ std::optional<std::string> json_of(const Metric& metric, Type type) {
   const bool is_other_array =
       metric.has_bytes_value() && metric.datatype() != 0 && metric.datatype() != number(type);
   if (metric.is_null() || is_other_array) return std::nullopt;
-  const bool is_unsigned =
-      sparkplug::is_unsigned(metric.datatype() != 0 ? static_cast<Type>(metric.datatype()) : type);
+  const Type sent = metric.datatype() != 0 ? static_cast<Type>(metric.datatype()) : type;
   const auto integer = [&]() -> sparkplug::TypedValue {
-    if (metric.has_int_value() && type == Type::boolean) return metric.int_value() != 0;
-    if (metric.has_int_value() && !is_unsigned)
-      return std::int64_t{static_cast<std::int32_t>(metric.int_value())};
-    if (metric.has_int_value()) return std::uint64_t{metric.int_value()};
-    if (!metric.has_long_value()) return {};
-    if (is_unsigned) return std::uint64_t{metric.long_value()};
-    return static_cast<std::int64_t>(metric.long_value());
+    const std::uint32_t bits = metric.int_value();
+    if (!metric.has_int_value() && !metric.has_long_value()) return {};
+    if (sparkplug::is_unsigned(sent))
+      return std::uint64_t{metric.has_int_value() ? bits : metric.long_value()};
+    if (!metric.has_int_value()) return static_cast<std::int64_t>(metric.long_value());
+    // Hosts with Tahu's Python library write -5 in the bits of its type, others in all 32.
+    if (sent == Type::int8 && bits <= 0xFF) return std::int64_t{static_cast<std::int8_t>(bits)};
+    if (sent == Type::int16 && bits <= 0xFFFF) return std::int64_t{static_cast<std::int16_t>(bits)};
+    return std::int64_t{static_cast<std::int32_t>(bits)};
   };
   return sparkplug::json_of(sparkplug::taken(metric, integer), type);
 }

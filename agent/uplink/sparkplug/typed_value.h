@@ -16,6 +16,7 @@ namespace fxagent::sparkplug {
 
 /// Numbers of the specification.
 enum class Type : std::uint32_t {
+  int8 = 1,  ///< commands only
   int16 = 2,
   int32 = 3,
   int64 = 4,
