@@ -176,8 +176,9 @@ std::optional<std::string> json_of(const TypedValue& value, Type type) {
     return out.end_array().take();
   }
   if (const auto* flag = std::get_if<bool>(&value)) return out.boolean(*flag).take();
-  if (const auto* number = std::get_if<std::int64_t>(&value)) return out.integer(*number).take();
-  if (const auto* number = std::get_if<std::uint64_t>(&value)) return out.integer(*number).take();
+  // A number even beyond 2^53: as a text it would fit a string tag.
+  if (const auto* number = std::get_if<std::int64_t>(&value)) return std::to_string(*number);
+  if (const auto* number = std::get_if<std::uint64_t>(&value)) return std::to_string(*number);
   if (const auto* number = std::get_if<float>(&value)) return out.number(*number).take();
   if (const auto* number = std::get_if<double>(&value)) return out.number(*number).take();
   if (const auto* text = std::get_if<std::string>(&value)) return out.string(*text).take();

@@ -136,24 +136,23 @@ TEST_F(SparkplugTest, IntegerHasTheSignOfItsOwnDataType) {
     double scale;
     std::string expected;
   };
-  for (const Case& each :
-       {Case{"20 03 ", minus5, DataType::uint32, 1, "-5"},
-        Case{"20 04 ", long_minus5, DataType::uint64, 1, "-5"},
-        Case{"20 07 ", large, DataType::int64, 1, "3000000000"},
-        Case{"20 07 ", large, DataType::float64, 1, "3000000000"},
-        Case{"20 07 ", large, DataType::int32, 0.1, "3000000000"},
-        Case{"20 08 ", long_minus5, DataType::int64, 1, R"("18446744073709551611")"},
-        Case{"20 01 ", "50 FB 01 ", DataType::int32, 1, "-5"},
-        Case{"20 01 ", minus5, DataType::int32, 1, "-5"},
-        Case{"20 02 ", "50 FB FF 03 ", DataType::int32, 1, "-5"},
-        Case{"20 02 ", minus5, DataType::uint16, 1, "-5"},
-        Case{"20 06 ", "50 FB FF 03 ", DataType::int16, 1, "65531"},
-        Case{"", "50 FB FF 03 ", DataType::int16, 1, "-5"},
-        Case{"", "50 FB FF 03 ", DataType::int32, 1, "65531"},
-        Case{"20 03 ", "50 02 ", DataType::boolean, 1, "2"},
-        Case{"20 04 ", long_minus5, DataType::string, 1, "-5"},
-        Case{"", minus5, DataType::int32, 1, "-5"},
-        Case{"", minus5, DataType::uint32, 1, "4294967291"}}) {
+  for (const Case& each : {Case{"20 03 ", minus5, DataType::uint32, 1, "-5"},
+                           Case{"20 04 ", long_minus5, DataType::uint64, 1, "-5"},
+                           Case{"20 07 ", large, DataType::int64, 1, "3000000000"},
+                           Case{"20 07 ", large, DataType::float64, 1, "3000000000"},
+                           Case{"20 07 ", large, DataType::int32, 0.1, "3000000000"},
+                           Case{"20 08 ", long_minus5, DataType::int64, 1, "18446744073709551611"},
+                           Case{"20 01 ", "50 FB 01 ", DataType::int32, 1, "-5"},
+                           Case{"20 01 ", minus5, DataType::int32, 1, "-5"},
+                           Case{"20 02 ", "50 FB FF 03 ", DataType::int32, 1, "-5"},
+                           Case{"20 02 ", minus5, DataType::uint16, 1, "-5"},
+                           Case{"20 06 ", "50 FB FF 03 ", DataType::int16, 1, "65531"},
+                           Case{"", "50 FB FF 03 ", DataType::int16, 1, "-5"},
+                           Case{"", "50 FB FF 03 ", DataType::int32, 1, "65531"},
+                           Case{"20 03 ", "50 02 ", DataType::boolean, 1, "2"},
+                           Case{"20 04 ", long_minus5, DataType::string, 1, "-5"},
+                           Case{"", minus5, DataType::int32, 1, "-5"},
+                           Case{"", minus5, DataType::uint32, 1, "4294967291"}}) {
     SCOPED_TRACE(each.type + "to " + std::string(to_string(each.tag)));
     point.type = each.tag;
     point.scale = each.scale;

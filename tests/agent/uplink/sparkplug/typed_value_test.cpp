@@ -67,6 +67,11 @@ TEST(SparkplugTypedValue, BytesThatAreNoArrayOfTheTypeHaveNoValue) {
   EXPECT_EQ(json_of(TypedValue(), Type::int16), std::nullopt);
 }
 
+TEST(SparkplugTypedValue, ReceivedIntegerBeyondTwoToThe53IsNoText) {
+  EXPECT_EQ(json_of(std::uint64_t{18446744073709551611U}, Type::string), "18446744073709551611");
+  EXPECT_EQ(json_of(std::int64_t{-9007199254740993}, Type::real64), "-9007199254740993");
+}
+
 TEST(SparkplugTypedValue, ValueThatTheTypeCannotHoldIsNone) {
   const auto none = [](const Value& value, Type type) {
     return std::holds_alternative<std::monostate>(typed(value, type));
