@@ -3,6 +3,7 @@
 import contextlib
 import json
 import os
+import signal
 import threading
 import unittest
 
@@ -32,6 +33,12 @@ class PagePlant(PlantTest):
 
     def listening(self):
         self.agent.wait_logged("state=listening")
+
+    def reload(self, change):
+        """Applies `change` to the config of the running agent."""
+        change(self.agent.config)
+        self.agent.write(self.agent.config)
+        self.agent.process.send_signal(signal.SIGHUP)
 
     def get(self, path, host=None):
         """Returns status and body."""
@@ -274,6 +281,12 @@ class InChromium(Browser, PagePlant):
     def open(self, view, **more):
         self.do(open=f"http://127.0.0.1:{self.port}/#{view}", **more)
 
+    def wait_for_two_answers(self, **more):
+        """Waits until the page has drawn the time of one more answer of the agent, and then of another."""
+        for before in ("before1", "before2"):
+            self.do(until=f"(window.{before} ??= pulse.textContent) !== pulse.textContent && pulse.textContent.startsWith('as of')",
+                    **more)
+
     def test_each_view_shows_the_plant_and_is_accessible(self):
         self.begin()
         self.sim.set("press1", "D100", 421)
@@ -382,6 +395,37 @@ class InChromium(Browser, PagePlant):
         self.do(click="dialog button.main")
         self.see("Take the port back")
         self.see("yielded")
+
+    def test_a_reload_takes_the_chosen_link_away(self):
+        self.begin()
+        self.browse()
+        self.open("lines/line2")
+        self.do(until="document.querySelector('h2')?.innerText === 'line2'")
+        self.reload(lambda config: (config["links"].pop(), config["devices"].pop()))
+        self.do(until="document.querySelector('h2').innerText === 'line1'")
+        self.reload(lambda config: (config["links"].pop(), config["devices"].pop()))
+        self.do(until="!document.querySelector('h2')")
+        self.wait_for_two_answers()
+
+    def test_a_reload_takes_the_button_of_a_link_away(self):
+        token_file = write_text(os.path.join(self.directory, "token"), "0123456789abcdef\n")
+        self.begin(http_more={"token_file": token_file}, yields=True)
+        self.browse()
+        self.open("lines")
+        self.see("Free the port")
+        self.reload(lambda config: config["links"][0].update(allow_yield=False))
+        self.do(until="!document.body.innerText.includes('Free the port')")
+
+    def test_a_view_that_fails_does_not_end_the_polling(self):
+        self.begin()
+        self.browse()
+        self.open("%", allowed=("URI malformed",))
+        self.wait_for_two_answers(allowed=("URI malformed",))
+        self.open("lines")
+        self.see("Since the start")
+        self.do(until="import('/data.js').then(({data}) => Boolean(data.devices.get = () => { throw new Error('planted'); }))",
+                allowed=("planted",))
+        self.wait_for_two_answers(allowed=("planted",))
 
     def test_keyboard_alone_is_enough(self):
         self.begin()

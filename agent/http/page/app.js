@@ -38,22 +38,24 @@ function draw() {
   // Announced only if the connection changes, not every second.
   pulse.setAttribute('aria-live', data.lost ? 'assertive' : 'off');
   show(pulse, text, () => el('span', {}, text));
-  view.draw();
+  view?.draw();
 }
 
 async function turn() {
-  if (!document.hidden) {
+  try {
+    if (document.hidden) return;
     await refresh();
     if (data.config) draw();
     else pulse.textContent = `The agent does not answer: ${data.lost}`;
+  } finally {
+    setTimeout(turn, 1000);  // even if a view throws
   }
-  setTimeout(turn, 1000);
 }
 
 addEventListener('hashchange', () => { open(); refresh().then(draw); main.focus(); });
 document.addEventListener('visibilitychange', () => { if (!document.hidden) refresh().then(() => data.config && draw()); });
 await refresh();
 if (!data.config) pulse.textContent = `The agent does not answer: ${data.lost}`;
+setTimeout(turn);  // with the values that the view wants
 open();
 if (data.config) draw();
-turn();  // with the values that the view wants

@@ -35,7 +35,7 @@ export const plan = (link) => get(`/api/plan?link=${link}`);
 
 async function takeConfig() {
   data.config = await get('/api/config');
-  Object.assign(data, {now: 0, valuesNow: 0, devices: new Map(), values: new Map(), history: new Map()});
+  Object.assign(data, {now: 0, valuesNow: 0, devices: new Map(), values: new Map(), history: new Map(), links: [], link: null});
 }
 
 function keepHistory(group, index, reading) {

@@ -95,6 +95,7 @@ export function lines(main, given) {
   const counted = el('div', {});
   const named = el('div', {});
   const shared = el('div', {});
+  let of = null;
   let chosen = null;
   let wire = null;
   main.replaceChildren(el('h1', {}, 'Lines'), list, detail);
@@ -104,7 +105,6 @@ export function lines(main, given) {
     want.link = l;
     planned.replaceChildren();
     planned.shownKey = undefined;
-    wire?.stop();
     wire = trace(l);
     detail.replaceChildren(el('h2', {}, data.config.links[l].name), el('p', {class: 'soft'}, data.config.links[l].wire), shared, named, planned, counted, wire.node);
     plan(l).then((found) => { if (chosen === l) planned.replaceChildren(...bar(l, found.groups).filter(Boolean)); },
@@ -114,6 +114,14 @@ export function lines(main, given) {
 
   function draw() {
     if (!data.config) return;
+    // A reload may have removed the chosen link, or given its place to another.
+    if (of !== data.config) {
+      of = data.config;
+      chosen = null;
+      want.link = null;
+      wire?.stop();
+      detail.replaceChildren();
+    }
     const all = data.config.links.map((link, l) => [l, link]).filter(([, link]) => link);
     const rows = all.map(([l, link]) => [l, link, stateOf(l), data.links[l]]);
     if (chosen === null && all.length) {
@@ -126,7 +134,7 @@ export function lines(main, given) {
         el('a', {href: `#lines/${encodeURIComponent(link.name)}`, 'aria-current': l === chosen && 'true'}, link.name),
         state(kind, word), link.wire, counts ? `${counts[2]} %` : '–', counts ? `${counts[3]} %` : '–'])));
     if (chosen === null) return;
-    show(shared, JSON.stringify([chosen, data.links[chosen]?.[4]]), () => sharing(chosen) ?? []);
+    show(shared, JSON.stringify([data.config.hash, chosen, data.links[chosen]?.[4]]), () => sharing(chosen) ?? []);
     show(named, JSON.stringify([devicesOf(chosen).map(([d]) => data.devices.get(d)), Math.floor(data.ts / 10000)]), () => devices(chosen));
     if (data.link?.l === chosen) show(counted, JSON.stringify(data.link), () => [el('h2', {}, 'Since the start'), ...counters(data.link)]);
   }
