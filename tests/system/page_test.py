@@ -16,13 +16,14 @@ SCRIPT = "<img src=x onerror=alert(1)><script>alert(1)</script>"
 class PagePlant(PlantTest):
     """press1 on a pty, and press2 on a TCP port of the simulator."""
 
-    def begin(self, many=0, http_more=None, yields=False, interval_ms=200, **more):
+    def begin(self, many=0, http_more=None, yields=False, interval_ms=200, more_tags=(), **more):
         self.port = free_port()
         tcp = free_port()
         tags = [{"name": "temp", "address": "D100", "type": "int16", "scale": 0.1, "unit": "°C", "description": SCRIPT},
                 {"name": "evil", "address": "D101", "type": "int16", "unit": SCRIPT},
                 {"name": "total", "address": "D110", "type": "int32", "access": "read_write"}]
         tags += [{"name": f"t{n}", "address": f"D{200 + n % 500}", "type": "int16"} for n in range(many)]
+        tags += more_tags
         groups = [{"name": "default", "interval_ms": interval_ms}]
         devices = [device(tags=tags, groups=groups, timeout_ms=300),
                    device("press2", "line2", tags=tags[:3], groups=groups, timeout_ms=300)]
@@ -395,6 +396,14 @@ class InChromium(Browser, PagePlant):
         self.do(click="dialog button.main")
         self.see("Take the port back")
         self.see("yielded")
+
+    def test_a_value_has_all_its_digits(self):
+        self.begin(more_tags=[{"name": "meter", "address": "D120", "type": "uint32", "scale": 0.01}])
+        self.sim.set("press1", "D120", 1234567891 & 0xFFFF)
+        self.sim.set("press1", "D121", 1234567891 >> 16)
+        self.browse()
+        self.open("values")
+        self.see("12345678.91")
 
     def test_a_reload_takes_the_chosen_link_away(self):
         self.begin()

@@ -73,12 +73,13 @@ function orders(tag) {
   const view = new DataView(new ArrayBuffer(4));
   const write = {int32: 'setInt32', uint32: 'setUint32', float32: 'setFloat32'}[tag.type];
   const read = write.replace('set', 'get');
+  const rounded = (number) => Number.isInteger(number) ? number : Number(number.toPrecision(7));
   view[write](0, now);
   const raw = [0, 1, 2, 3].map((i) => view.getUint8(i));
   const row = (name, order) => {
     const other = new DataView(new ArrayBuffer(4));
     order.forEach((from, i) => other.setUint8(i, raw[from]));
-    return [name, order.map((from) => raw[from].toString(16).padStart(2, '0')).join(' '), value(other[read](0))];
+    return [name, order.map((from) => raw[from].toString(16).padStart(2, '0')).join(' '), value(rounded(other[read](0)))];
   };
   return card(el('p', {}, `${tag.device} ${tag.name} in other word orders, if the value looks wrong`),
     table(['change', 'bytes', {name: 'value', is: 'number'}],

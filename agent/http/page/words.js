@@ -24,7 +24,6 @@ export function value(of) {
   if (of === null || of === undefined) return '–';
   if (typeof of === 'boolean') return of ? 'on' : 'off';
   if (Array.isArray(of)) return of.map(value).join(' ');
-  if (typeof of === 'number' && !Number.isInteger(of)) return String(Number(of.toPrecision(7)));
   return String(of);
 }
 
