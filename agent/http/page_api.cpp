@@ -217,14 +217,14 @@ void write_events(Writer& out, std::uint64_t after) {
 }
 
 /// Writes a tag as an array, since there may be many: name, address, type, unit, 1 if a command may
-/// write it, description.
+/// write it, description, 1 if it has a scale or an offset.
 void write_tag(Writer& out, const TagConfig& tag) {
   out.begin_array();
   out.string(tag.name).string(tag.point.address.text);
   std::string type(to_string(tag.point.type));
   if (tag.point.is_array) type += "[" + std::to_string(tag.point.count) + "]";
   out.string(type).string(tag.units->unit).integer(std::int64_t{tag.writable ? 1 : 0});
-  out.string(tag.units->description);
+  out.string(tag.units->description).integer(std::int64_t{tag.point.scaled() ? 1 : 0});
   out.end_array();
 }
 

@@ -13,8 +13,8 @@ let paused = null;
 function allTags() {
   const tags = [];
   data.config.devices.forEach((device, d) => device?.groups.forEach((group, g) => group.tags.forEach((tag, t) => {
-    const [name, address, type, unit, , description] = tag;
-    tags.push({key: `${d}.${g}.${t}`, group: `${d}.${g}`, t, device: device.name, name, address, type, unit, description,
+    const [name, address, type, unit, , description, scaled] = tag;
+    tags.push({key: `${d}.${g}.${t}`, group: `${d}.${g}`, t, device: device.name, name, address, type, unit, description, scaled,
       text: `${device.name} ${name} ${address} ${description} ${group.name}`.toLowerCase()});
   })));
   return tags;
@@ -66,10 +66,10 @@ function plot() {
     el('span', {}, clock(from)), el('span', {}, clock(to)));
 }
 
-// The four ways to put together the two words of a 32-bit value, from its raw words as read in the given order.
+// The four ways to put together the two words of a 32-bit value that is not scaled, as read in the given order.
 function orders(tag) {
   const now = readingOf(tag)?.[0];
-  if (!/^(u?int32|float32)$/.test(tag.type) || typeof now !== 'number') return null;
+  if (tag.scaled || !/^(u?int32|float32)$/.test(tag.type) || typeof now !== 'number') return null;
   const view = new DataView(new ArrayBuffer(4));
   const write = {int32: 'setInt32', uint32: 'setUint32', float32: 'setFloat32'}[tag.type];
   const read = write.replace('set', 'get');

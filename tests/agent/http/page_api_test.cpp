@@ -79,7 +79,7 @@ TEST_F(PageApiTest, ConfigHasLinksDevicesAndTagsAndNoSecret) {
   EXPECT_EQ(config["links"][0]["wire"], "serial  9600 7E1");
   const json& press = config["devices"][0];
   EXPECT_EQ(press["protocol"], "fx-programming-port");
-  EXPECT_EQ(press["groups"][0]["tags"][0], json::parse(R"(["temp","D100","int16","°C",0,""])"));
+  EXPECT_EQ(press["groups"][0]["tags"][0], json::parse(R"(["temp","D100","int16","°C",0,"",1])"));
   EXPECT_EQ(press["groups"][1]["tags"][0][0], "setpoint");
   EXPECT_EQ(press["groups"][1]["tags"][0][4], 1);
   EXPECT_EQ(ask("/api/config", {}, answer.etag).status, 304U);
