@@ -440,6 +440,19 @@ class InChromium(Browser, PagePlant):
                 allowed=("planted",))
         self.wait_for_two_answers(allowed=("planted",))
 
+    def test_without_devices_each_view_is_drawn(self):
+        token_file = write_text(os.path.join(self.directory, "token"), "0123456789abcdef\n")
+        self.begin(http_more={"token_file": token_file})
+        self.browse()
+        self.open("config")
+        self.see("press1")
+        self.reload(lambda config: (config["links"].clear(), config["devices"].clear()))
+        self.do(until="!document.querySelector('details')")
+        for view in ("now", "values", "lines", "commands", "config"):
+            with self.subTest(view=view):
+                self.open(view)
+                self.wait_for_two_answers()
+
     def test_keyboard_alone_is_enough(self):
         self.begin()
         self.browse()

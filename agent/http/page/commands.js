@@ -26,7 +26,7 @@ function commandForm() {
   const given = el('input', {autocomplete: 'off'});
   const button = el('button', {class: 'main'}, 'Send…');
   const outcome = el('div', {role: 'status'});
-  const tags = () => devices.find((one) => one.name === device.value).groups.flatMap((group) => group.tags);
+  const tags = () => devices.find((one) => one.name === device.value)?.groups.flatMap((group) => group.tags) ?? [];
 
   function offer() {
     const wanted = tags().filter(([, , , , writable]) => writable || op.value === 'read').slice(0, 500);
