@@ -143,7 +143,8 @@ std::optional<HttpAnswer> PageCommands::place(const HttpRequest& request) {
   }
   const auto body = parsed_json(request.body);
   const std::string device = text_at(body, "device");
-  if (device.empty())
+  // A NUL ends the text for the parser, but not for without_device().
+  if (device.empty() || request.body.find('\0') != request.body.npos)
     return refusal(kBadRequest,
                    "the body must be a command as JSON, with the name of its device in \"device\"");
   RelayedCommand command;

@@ -154,7 +154,8 @@ TEST_F(PageCommandsTest, BodyMustNameItsDevice) {
   for (const std::string_view body :
        {std::string_view(""), std::string_view("[]"), std::string_view("{"),
         std::string_view(R"({"id":"a"})"), std::string_view(R"({"device":7})"),
-        std::string_view(R"({"device":""})"), std::string_view(deep)}) {
+        std::string_view(R"({"device":""})"), std::string_view(deep),
+        std::string_view("{\"d\\u0065vice\":\"a\"}\0\"", 21)}) {
     HttpRequest one = request();
     one.body = body;
     EXPECT_EQ(refused(one), 400U) << body.substr(0, 20);
