@@ -409,6 +409,19 @@ class InChromium(Browser, PagePlant):
             self.do(until=f"document.querySelector('.legend')?.innerText.includes('{tag}')")
             self.do(until=f"document.body.innerText.includes('words swapped') === {shown}")
 
+    def test_a_renamed_tag_is_plotted_under_its_new_name(self):
+        self.begin()
+        self.browse()
+        self.open("values")
+        self.do(click="[aria-label='plot press1 temp']")
+        self.do(until="document.querySelector('.legend')?.innerText.includes('press1 temp')")
+        self.do(click="text=Pause")
+        self.reload(lambda config: config["devices"][0]["tags"][0].update(name="warmth", unit="K"))
+        self.do(until="document.querySelector('.row').innerText.includes('warmth')")
+        self.do(click=".row input")
+        self.do(until="/press1 warmth .* K/.test(document.querySelector('.legend')?.innerText)")
+        self.do(until="document.querySelector('.plot path').getAttribute('d').includes('L')")
+
     def test_a_reload_takes_the_chosen_link_away(self):
         self.begin()
         self.browse()

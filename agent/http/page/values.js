@@ -119,8 +119,8 @@ export function values(main, given) {
     const is = chosen.some((one) => one.key === tag.key);
     const points = data.history.get(tag.key);
     const key = JSON.stringify([at, reading, is, chosen.length, points?.length, ts && since(ts, data.ts)]);
-    let node = made.get(tag.key);
-    if (!node) { made.set(tag.key, node = el('div', {class: 'row'})); }
+    let node = made.get(tag);
+    if (!node) { made.set(tag, node = el('div', {class: 'row'})); }
     if (!node.isConnected) rows.append(node);
     node.style.top = `${at * HEIGHT}px`;
     node.classList.toggle('bad', Boolean(bad));
@@ -147,11 +147,11 @@ export function values(main, given) {
     want.groups.clear();
     for (const tag of chosen) want.groups.add(tag.group);
     for (let at = first; at < last; ++at) {
-      seen.add(found[at].key);
+      seen.add(found[at]);
       want.groups.add(found[at].group);
       row(found[at], at);
     }
-    for (const [key, node] of made) if (!seen.has(key)) { node.remove(); made.delete(key); }
+    for (const [tag, node] of made) if (!seen.has(tag)) { node.remove(); made.delete(tag); }
   }
 
   function drawPlot() {
@@ -169,7 +169,7 @@ export function values(main, given) {
 
   function draw() {
     if (!data.config) return;
-    if (of !== data.config) { of = data.config; tags = allTags(); chosen.length = 0; find(); }
+    if (of !== data.config) { of = data.config; tags = allTags(); chosen.length = 0; paused = null; find(); }
     drawPlot();
     drawRows();
   }
