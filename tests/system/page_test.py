@@ -288,6 +288,14 @@ class InChromium(Browser, PagePlant):
             self.do(until=f"(window.{before} ??= pulse.textContent) !== pulse.textContent && pulse.textContent.startsWith('as of')",
                     **more)
 
+    def fill_command(self, target, value):
+        """Fills the form of the view Commands and sends it."""
+        for number, text in ((3, target), (4, value)):
+            self.do(fill=f"label:nth-of-type({number}) input", text=text)
+        self.do(click="form.command button")
+        self.do(fill="dialog input", text="0123456789abcdef")
+        self.do(click="dialog button.main")
+
     def test_each_view_shows_the_plant_and_is_accessible(self):
         self.begin()
         self.sim.set("press1", "D100", 421)
@@ -452,6 +460,20 @@ class InChromium(Browser, PagePlant):
         self.do(until="import('/data.js').then(({data}) => Boolean(data.devices.get = () => { throw new Error('planted'); }))",
                 allowed=("planted",))
         self.wait_for_two_answers(allowed=("planted",))
+
+    def test_the_form_writes_arrays_and_explains_a_wrong_number(self):
+        token_file = write_text(os.path.join(self.directory, "token"), "0123456789abcdef\n")
+        marks = {"name": "marks", "address": "M104", "type": "bool", "count": 8, "access": "read_write"}
+        self.begin(http_more={"token_file": token_file}, more_tags=[marks])
+        self.ready()
+        self.browse()
+        self.open("commands")
+        self.see("Send a command")
+        self.fill_command("marks", "on off on off off off off on")
+        self.see("SUCCEEDED")
+        self.assertEqual([self.sim.get("press1", f"M{number}") for number in range(104, 112)], [1, 0, 1, 0, 0, 0, 0, 1])
+        self.fill_command("total", "05")
+        self.see("bad_value")
 
     def test_without_devices_each_view_is_drawn(self):
         token_file = write_text(os.path.join(self.directory, "token"), "0123456789abcdef\n")

@@ -11,8 +11,8 @@ const says = (one) => [one.reason, one.detail].filter(Boolean).join(': ');
 
 // Numbers stay as they are typed: JavaScript would round the large ones.
 function asJson(text, type) {
-  if (type?.endsWith(']')) return `[${text.split(/[\s,]+/).filter(Boolean).map((one) => asJson(one)).join(',')}]`;
-  if (/^(-?\d+(\.\d+)?([eE][+-]?\d+)?|true|false)$/.test(text) && !type?.startsWith('string')) return text;
+  if (type?.endsWith(']')) return `[${text.split(/[\s,]+/).filter(Boolean).map((one) => asJson(one, type.replace(/\[.*/, ''))).join(',')}]`;
+  if (/^(-?(0|[1-9]\d*)(\.\d+)?([eE][+-]?\d+)?|true|false)$/.test(text) && !type?.startsWith('string')) return text;
   if (type === 'bool' && /^(on|off)$/.test(text)) return String(text === 'on');
   return JSON.stringify(text);
 }
