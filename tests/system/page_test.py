@@ -350,6 +350,14 @@ class InChromium(Browser, PagePlant):
         self.agent.start()
         self.do(until="!document.body.innerText.includes('The agent does not answer')", allowed=("ERR_CONNECTION_REFUSED",))
 
+    def test_an_agent_that_a_proxy_misses_is_missed(self):
+        self.begin()
+        self.browse()
+        self.open("now")
+        self.see("Every device answers")
+        self.do(until="window.fetch = async () => new Response('<html>502 Bad Gateway</html>', {status: 502}), true")
+        self.see("The agent does not answer: HTTP status 502")
+
     def test_ten_thousand_tags_make_few_rows(self):
         self.begin(many=9994)
         # An agent on a busy machine answers so until its status is new again.

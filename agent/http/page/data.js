@@ -14,20 +14,20 @@ const KEPT_COMMANDS = 200;
 const KEPT_POINTS = 900;
 let asked = '';
 
+async function bodyOf(answer) {
+  if (answer.ok) return await answer.json();
+  const {error, why} = await answer.json().catch(() => ({}));  // a proxy's own answer is HTML
+  throw new Error(error ?? why?.join('; ') ?? `HTTP status ${answer.status}`);
+}
+
 async function get(path) {
   const answer = await fetch(path, {signal: AbortSignal.timeout(5000)});
-  if (answer.status === 304) return null;
-  const body = await answer.json();
-  if (!answer.ok) throw new Error(body.error ?? (body.why ?? []).join('; ') ?? String(answer.status));
-  return body;
+  return answer.status === 304 ? null : await bodyOf(answer);
 }
 
 // Sends a command and returns its result.
 export async function send(body, token) {
-  const answer = await fetch('/api/command', {method: 'POST', body, headers: {'Content-Type': 'application/json', Authorization: `Bearer ${token}`}});
-  const result = await answer.json();
-  if (!answer.ok) throw new Error(result.error);
-  return result;
+  return await bodyOf(await fetch('/api/command', {method: 'POST', body, headers: {'Content-Type': 'application/json', Authorization: `Bearer ${token}`}}));
 }
 
 export const frames = (link, since) => get(`/api/frames?link=${link}&since=${since}`);
