@@ -438,6 +438,17 @@ class InChromium(Browser, PagePlant):
         self.do(until="/press1 warmth .* K/.test(document.querySelector('.legend')?.innerText)")
         self.do(until="document.querySelector('.plot path').getAttribute('d').includes('L')")
 
+    def test_the_plot_is_still_there_after_another_view(self):
+        self.begin()
+        self.browse()
+        self.open("values")
+        self.do(click="[aria-label='plot press1 temp']")
+        self.do(click="text=Lines")
+        self.see("Since the start")
+        self.do(click="text=Values")
+        self.do(until="document.querySelector('.legend')?.innerText.includes('press1 temp')")
+        self.see("6 tags")
+
     def test_a_reload_takes_the_chosen_link_away(self):
         self.begin()
         self.browse()

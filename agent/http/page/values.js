@@ -9,6 +9,8 @@ const WINDOWS = [60, 300, 900];
 const chosen = [];
 let seconds = 300;
 let paused = null;
+let of = null;  // the config of the tags
+let tags = [];
 
 function allTags() {
   const tags = [];
@@ -87,9 +89,7 @@ function orders(tag) {
 }
 
 export function values(main, given) {
-  let tags = [];
   let found = [];
-  let of = null;
   const spacer = el('div', {class: 'spacer'});
   const rows = el('div', {class: 'rows', tabindex: 0, role: 'group', 'aria-label': 'Tags', onscroll: () => draw()}, spacer);
   const count = el('span', {class: 'soft small', role: 'status'});
@@ -173,5 +173,6 @@ export function values(main, given) {
     drawPlot();
     drawRows();
   }
+  if (of) find();
   return {draw};
 }
