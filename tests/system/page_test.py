@@ -449,6 +449,13 @@ class InChromium(Browser, PagePlant):
         self.do(until="document.querySelector('.legend')?.innerText.includes('press1 temp')")
         self.see("6 tags")
 
+    def test_the_size_of_a_store_is_a_plain_number(self):
+        self.begin()
+        self.browse()
+        self.open("now")
+        self.assertEqual(self.do(until="import('/words.js').then(({bytes}) => [999, 1000, 999400, 999600, 2e12].map(bytes))"),
+                         ["999 bytes", "1.00 kB", "999 kB", "1.00 MB", "2.00 TB"])
+
     def test_a_reload_takes_the_chosen_link_away(self):
         self.begin()
         self.browse()

@@ -14,9 +14,9 @@ export function clock(ms) {
 }
 
 export function bytes(count) {
-  const units = ['bytes', 'kB', 'MB', 'GB'];
+  const units = ['bytes', 'kB', 'MB', 'GB', 'TB'];
   let at = 0;
-  while (count >= 1000 && at < 3) { count /= 1000; ++at; }
+  while (count >= 999.5 && at < 4) { count /= 1000; ++at; }
   return `${at === 0 ? count : count.toPrecision(3)} ${units[at]}`;
 }
 
