@@ -345,8 +345,11 @@ class InChromium(Browser, PagePlant):
         self.browse()
         self.open("now")
         self.see("Every device answers")
+        self.assertEqual(self.do(until="document.title"), "edge7 – fxagent")
         self.agent.stop()
         self.see("The agent does not answer", allowed=("ERR_CONNECTION_REFUSED",))
+        self.do(until="document.title === '■ edge7 – fxagent' && !document.body.innerText.includes('all is well')",
+                allowed=("ERR_CONNECTION_REFUSED",))
         self.agent.start()
         self.do(until="!document.body.innerText.includes('The agent does not answer')", allowed=("ERR_CONNECTION_REFUSED",))
 

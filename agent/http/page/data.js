@@ -98,5 +98,8 @@ async function ask() {
     data.heard = Date.now();
   } catch (fault) {
     data.lost = fault.name === 'TimeoutError' ? 'no answer within 5 s' : fault instanceof TypeError ? 'no connection' : fault.message;
+    // What was well then may not be so now.
+    data.problems = [{severity: 'bad', text: 'The agent does not answer', cure: 'Check that it runs, and see its log.'}];
+    data.works = 'not known';
   }
 }
