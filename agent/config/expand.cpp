@@ -78,7 +78,10 @@ std::string expanded_config(std::string_view text, const Environment& environmen
     out += out.size() == 1 ? "\n  " : ",\n  ";
     append_key(out, member.key);
     if (member.key != "devices") {
-      append_pretty(out, member, 1);
+      ConfigNode whole = member;
+      for (ConfigNode& entry : whole.children)  // the servers of brokers are folded, too
+        for (ConfigNode& list : entry.children) list.children = tree->items_of(list);
+      append_pretty(out, whole, 1);
       continue;
     }
     out += '[';

@@ -20,6 +20,8 @@ const char* const kMeters = R"({
   "agent": {"id": "edge7"},
   "mqtt": {"servers": ["mqtt://127.0.0.1:1883"], "password": "${PASSWORD}"},
   "store": {"path": "/var/lib/fxagent"},
+  "brokers": [{"name": "cloud", "servers": ["mqtts://a", "mqtts://b"]}],
+  "profiles": [{"kind": "json"}, {"kind": "json", "broker": "cloud"}],
   "links": [{"name": "l1", "serial": {"path": "/dev/ttyUSB0"}}],
   "templates": {"meter": {
     "protocol": "modbus-rtu",
@@ -57,6 +59,8 @@ TEST(ExpandedConfig, IsARightConfigThatMeansTheSame) {
   const std::string once = expanded_config(kMeters, variables());
   const Config before = good(kMeters, variables());
   const Config after = good(once, variables());
+  ASSERT_EQ(after.brokers.size(), 1U);
+  EXPECT_EQ(before.brokers[0].mqtt.servers, after.brokers[0].mqtt.servers);
   ASSERT_EQ(before.devices.size(), after.devices.size());
   for (std::size_t i = 0; i < before.devices.size(); ++i) {
     EXPECT_EQ(before.devices[i].name, after.devices[i].name);
