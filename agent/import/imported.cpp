@@ -9,6 +9,8 @@
 #include "agent/config/json/pretty.h"
 #include "agent/config/keys.h"
 #include "agent/config/loader.h"
+#include "agent/config/source.h"
+#include "agent/process/this_process.h"
 #include "agent/text/json.h"
 #include "agent/text/json_writer.h"
 #include "agent/text/text.h"
@@ -335,7 +337,8 @@ ImportOutcome finish(Imported imported) {
       return device.tags.empty() && !device.may_be_empty;
     });
     const std::string text = dumped(json_of(imported));
-    const auto config = parse_config(text);
+    // The permissions of the file that the config is written to are not known.
+    const auto config = parse_config(text, process_environment, FilePrivacy::owner_only);
     if (config) {
       for (const DeviceConfig& device : config->devices) outcome.tags += device.tags.size();
       for (const ImportedDevice& device : imported.devices)

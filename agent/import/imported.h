@@ -164,7 +164,8 @@ std::string melsec_bit_address(std::string_view text);
 std::string placeholder_port(std::string_view protocol);
 
 struct ImportOutcome {
-  std::string config;  ///< passes `check`; empty if nothing could be converted
+  /// Passes `check` in a file of its owner alone; empty if nothing could be converted.
+  std::string config;
   std::size_t tags = 0;
   std::size_t changed = 0;  ///< number of these tags that were changed
   std::size_t left_out = 0;

@@ -8,7 +8,9 @@
 #include <string_view>
 
 #include "agent/config/loader.h"
+#include "agent/config/source.h"
 #include "agent/import/formats.h"
+#include "agent/process/this_process.h"
 
 namespace {
 
@@ -30,7 +32,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     if (!imported) continue;
     const ImportOutcome outcome = finish(*std::move(imported));
     if (outcome.config.empty()) continue;
-    if (!parse_config(outcome.config)) fail("the config is not right", outcome.config);
+    if (!parse_config(outcome.config, process_environment, FilePrivacy::owner_only))
+      fail("the config is not right", outcome.config);
     const std::string csv = export_csv(outcome.config);
     auto again = import_tag_csv(csv, {});
     if (!again) fail("it is not read as CSV", outcome.config, csv);

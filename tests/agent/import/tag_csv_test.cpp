@@ -63,6 +63,12 @@ TEST(TagCsv, TheConfigsOfTheProjectComeBack) {
   EXPECT_EQ(back(example.dump()), example);
 }
 
+TEST(TagCsv, PasswordOfAPrivateConfigComesBack) {
+  json plant = small_plant();
+  plant["mqtt"]["password"] = "hunter2";
+  EXPECT_EQ(back(plant.dump()), plant);
+}
+
 TEST(TagCsv, EmptyListsAndDevicesWithoutTagsComeBack) {
   json plant = small_plant();
   plant["devices"][1]["tags"] = json::array();
