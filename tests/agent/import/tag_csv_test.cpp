@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "agent/config/json/tree.h"
 #include "agent/config/keys.h"
 #include "agent/import/csv.h"
 #include "tests/agent/config/small_plant.h"
@@ -67,6 +68,12 @@ TEST(TagCsv, PasswordOfAPrivateConfigComesBack) {
   json plant = small_plant();
   plant["mqtt"]["password"] = "hunter2";
   EXPECT_EQ(back(plant.dump()), plant);
+}
+
+TEST(TagCsv, MoreValuesThanATreeUsuallyHasAreExported) {
+  std::string text = R"({"store": [)";
+  for (std::size_t i = 0; i < TreeBounds::most_nodes; ++i) text += "0,";
+  EXPECT_TRUE(export_csv(text + "1]}").ends_with("0,1]\"\n"));
 }
 
 TEST(TagCsv, EmptyListsAndDevicesWithoutTagsComeBack) {

@@ -1,4 +1,5 @@
 #include "agent/config/json/pretty.h"
+#include "agent/config/json/tree.h"
 
 #include <gtest/gtest.h>
 
@@ -24,6 +25,12 @@ TEST(PrettyText, NumbersAndTextStayAsTheyAre) {
 TEST(PrettyText, DeepListsComeOutToo) {
   EXPECT_EQ(pretty_text(R"({"devices":[{"tags":[{"name":"t"}]}]})"),
             "{\"devices\": [{\"tags\": [{\"name\": \"t\"}]}]}\n");
+}
+
+TEST(PrettyText, MoreValuesThanATreeUsuallyHasComeOut) {
+  std::string list = "[";
+  for (std::size_t i = 0; i < TreeBounds::most_nodes; ++i) list += "0,";
+  EXPECT_TRUE(pretty_text(list + "1]").ends_with("  0,\n  1\n]\n"));
 }
 
 TEST(PrettyText, WhatIsNoJsonIsEmpty) { EXPECT_EQ(pretty_text("{"), ""); }
