@@ -270,12 +270,17 @@ std::optional<bool> LinkTable::is_serial(std::string_view port) {
   return port_number(port) ? std::optional(false) : std::nullopt;
 }
 
-std::string LinkTable::to(const std::string& port, const JsonObject& settings) {
-  const auto [known, fresh] = names_.try_emplace(port, "line" + std::to_string(names_.size() + 1));
+std::string LinkTable::to(const std::string& port, std::string_view protocol,
+                          const JsonObject& settings) {
+  const bool on_serial = is_serial(port).value_or(true);
+  // A link has one protocol, and two links cannot share a serial port.
+  const std::string target = on_serial ? port : port + " " + std::string(protocol);
+  const auto [known, fresh] =
+      names_.try_emplace(target, "line" + std::to_string(names_.size() + 1));
   if (!fresh) return known->second;
   JsonObject link;
   link["name"] = known->second;
-  if (is_serial(port).value_or(true)) {
+  if (on_serial) {
     JsonObject serial = settings;
     serial["path"] = literal(port);
     link["serial"] = std::move(serial);
@@ -290,7 +295,7 @@ std::string LinkTable::to(const std::string& port, const JsonObject& settings) {
 
 std::string LinkTable::to_placeholder(std::string_view protocol, int line) {
   imported_.note(line, "the link is a placeholder: set its port");
-  return to(placeholder_port(protocol));
+  return to(placeholder_port(protocol), protocol);
 }
 
 ImportedDevice new_device(std::string_view name, std::string_view link, std::string_view protocol) {
@@ -301,7 +306,7 @@ ImportedDevice& add_device(Imported& out, LinkTable& links, const ImportOptions&
                            std::string_view name, std::string_view usual_protocol) {
   const std::string_view protocol = options.protocol.empty() ? usual_protocol : options.protocol;
   const std::string link =
-      options.port.empty() ? links.to_placeholder(protocol, 0) : links.to(options.port);
+      options.port.empty() ? links.to_placeholder(protocol, 0) : links.to(options.port, protocol);
   ImportedDevice& device = out.devices.emplace_back(new_device(name, link, protocol));
   if (!options.model.empty()) device.keys["model"] = options.model;
   return device;

@@ -129,13 +129,14 @@ class IntervalGroups {
   std::set<std::int64_t> known_;
 };
 
-/// Links by target: one serial port, or one host and port, is one link.
+/// Links by target: one serial port, or one host, port and protocol, is one link.
 class LinkTable {
  public:
   explicit LinkTable(Imported& imported) : imported_(imported) {}
   /// Returns the name of the link to "/dev/ttyUSB0" or "host:port". `settings` are members for
   /// `serial`.
-  std::string to(const std::string& port, const JsonObject& settings = {});
+  std::string to(const std::string& port, std::string_view protocol,
+                 const JsonObject& settings = {});
   /// Returns the name of the link to the placeholder for `protocol`, and adds a note.
   std::string to_placeholder(std::string_view protocol, int line);
   /// True if `port` is a serial port; nullopt if it is neither that nor host and port.

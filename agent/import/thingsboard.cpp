@@ -114,7 +114,7 @@ class ThingsboardReader {
 };
 
 std::string ThingsboardReader::link_of(const ConfigNode& slave, std::string_view protocol) {
-  if (!options_.port.empty()) return links_.to(options_.port);
+  if (!options_.port.empty()) return links_.to(options_.port, protocol);
   // On a serial port `port` is a path; in all other cases it is not a string.
   if (const std::string_view path = text_at(slave, "port"); path.starts_with('/')) {
     // Missing settings take the gateway's defaults.
@@ -127,11 +127,12 @@ std::string ThingsboardReader::link_of(const ConfigNode& slave, std::string_view
     else
       out_.note(line_of(slave), "not imported: the parity \"" + parity + "\"");
     serial["stop_bits"] = integer_at(slave, "stopbits").value_or(1);
-    return links_.to(std::string(path), serial);
+    return links_.to(std::string(path), protocol, serial);
   }
   const std::string_view host = text_at(slave, "host");
   const auto port = integer_at(slave, "port");
-  if (!host.empty() && port) return links_.to(std::string(host) + ":" + std::to_string(*port));
+  if (!host.empty() && port)
+    return links_.to(std::string(host) + ":" + std::to_string(*port), protocol);
   return links_.to_placeholder(protocol, line_of(slave));
 }
 

@@ -58,7 +58,7 @@ JsonObject device_of(const InitAnswers& answers) {
 
 std::string config_text(const InitAnswers& answers) {
   Imported links;
-  LinkTable(links).to(answers.port);
+  LinkTable(links).to(answers.port, answers.protocol);
   JsonObject out;
   out["agent"]["id"] = answers.id;
   out["mqtt"]["servers"].push_back(answers.broker);

@@ -65,11 +65,12 @@ TEST(NameMaker, TellsWhatIsLost) {
 TEST(LinkTable, OneLinkForOnePort) {
   Imported out;
   LinkTable links(out);
-  EXPECT_EQ(links.to("192.0.2.1:502"), "line1");
-  EXPECT_EQ(links.to("/dev/ttyUSB0"), "line2");
-  EXPECT_EQ(links.to("192.0.2.1:502"), "line1");
-  EXPECT_EQ(links.to("[::1]:502"), "line3");
-  links.to("192.0.2.2:0502");
+  EXPECT_EQ(links.to("192.0.2.1:502", "modbus-tcp"), "line1");
+  EXPECT_EQ(links.to("/dev/ttyUSB0", "modbus-rtu"), "line2");
+  EXPECT_EQ(links.to("192.0.2.1:502", "modbus-tcp"), "line1");
+  EXPECT_EQ(links.to("[::1]:502", "modbus-tcp"), "line3");
+  links.to("192.0.2.2:0502", "modbus-tcp");
+  EXPECT_EQ(links.to("/dev/ttyUSB0", "modbus-ascii"), "line2");
   ASSERT_EQ(out.links.size(), 4U);
   EXPECT_EQ(out.links[0]["tcp"]["port"], 502);
   EXPECT_EQ(out.links[2]["tcp"]["host"], "::1");
@@ -102,8 +103,8 @@ ImportedTag tag(int line, const char* name, const char* address) {
 
 Imported press(std::vector<ImportedTag> tags) {
   Imported out;
-  ImportedDevice device =
-      new_device("press", LinkTable(out).to("/dev/ttyUSB0"), "fx-programming-port");
+  ImportedDevice device = new_device(
+      "press", LinkTable(out).to("/dev/ttyUSB0", "fx-programming-port"), "fx-programming-port");
   device.tags = std::move(tags);
   out.devices.push_back(std::move(device));
   return out;
@@ -138,7 +139,7 @@ TEST(FinishedImport, AnOddNumberOfALinkOrDeviceCostsNoOther) {
   JsonObject serial;
   serial["baud"] = 0;
   serial["parity"] = "even";
-  const std::string line = links.to("/dev/ttyUSB0", serial);
+  const std::string line = links.to("/dev/ttyUSB0", "modbus-rtu", serial);
   for (const int unit : {3, 300}) {
     ImportedDevice device = new_device("unit" + std::to_string(unit), line, "modbus-rtu");
     device.keys["unit"] = unit;

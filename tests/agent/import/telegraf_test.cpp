@@ -18,6 +18,23 @@ Made plugin_of(const std::string& lines) {
                   lines);
 }
 
+TEST(Telegraf, TwoProtocolsAtOneHostAndPortAreTwoLinks) {
+  const std::string tcp = R"(
+[[inputs.modbus]]
+  name = "a"
+  controller = "tcp://192.0.2.1:502"
+  coils = [ { name = "run", address = [3]} ]
+)";
+  std::string rtu = tcp + "  transmission_mode = \"RTUoverTCP\"\n";
+  rtu.replace(rtu.find("\"a\""), 3, "\"b\"");
+  const Made made = telegraf(tcp + rtu);
+  EXPECT_EQ(made.notes, std::vector<std::string>{});
+  ASSERT_EQ(made.config["devices"].size(), 2U);
+  EXPECT_EQ(made.config["devices"][1]["protocol"], "modbus-rtu");
+  EXPECT_EQ(made.config["devices"][1]["link"], "line2");
+  EXPECT_EQ(made.config["links"][1]["tcp"], made.config["links"][0]["tcp"]);
+}
+
 TEST(Telegraf, StyleOfRegisters) {
   const Made made = telegraf(R"(
 [agent]
