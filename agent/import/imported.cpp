@@ -270,17 +270,21 @@ std::optional<bool> LinkTable::is_serial(std::string_view port) {
   return port_number(port) ? std::optional(false) : std::nullopt;
 }
 
-std::string LinkTable::to(const std::string& port, std::string_view protocol,
+std::string LinkTable::to(const std::string& port, std::string_view protocol, int line,
                           const JsonObject& settings) {
-  const bool on_serial = is_serial(port).value_or(true);
+  const auto on_serial = is_serial(port);
+  if (!on_serial) {
+    imported_.note(line, "not imported: the connection \"" + port + "\", whose port is wrong");
+    return to_placeholder(protocol, line);
+  }
   // A link has one protocol, and two links cannot share a serial port.
-  const std::string target = on_serial ? port : port + " " + std::string(protocol);
+  const std::string target = *on_serial ? port : port + " " + std::string(protocol);
   const auto [known, fresh] =
       names_.try_emplace(target, "line" + std::to_string(names_.size() + 1));
   if (!fresh) return known->second;
   JsonObject link;
   link["name"] = known->second;
-  if (on_serial) {
+  if (*on_serial) {
     JsonObject serial = settings;
     serial["path"] = literal(port);
     link["serial"] = std::move(serial);

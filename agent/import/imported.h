@@ -134,8 +134,8 @@ class LinkTable {
  public:
   explicit LinkTable(Imported& imported) : imported_(imported) {}
   /// Returns the name of the link to "/dev/ttyUSB0" or "host:port". `settings` are members for
-  /// `serial`.
-  std::string to(const std::string& port, std::string_view protocol,
+  /// `serial`. For any other `port` adds a note and returns the link to the placeholder.
+  std::string to(const std::string& port, std::string_view protocol, int line = 0,
                  const JsonObject& settings = {});
   /// Returns the name of the link to the placeholder for `protocol`, and adds a note.
   std::string to_placeholder(std::string_view protocol, int line);

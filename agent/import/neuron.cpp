@@ -261,8 +261,8 @@ NeuronReader::Unit& NeuronReader::unit_of(std::int64_t number) {
   const std::string name = device_names_.make(wanted, "device", line_of(*driver_.node), out_.notes);
   if (link_.empty()) {
     const std::string place = port();
-    const bool is_serial = LinkTable::is_serial(place).value_or(true);
-    link_ = links_.to(place, protocol_, is_serial ? serial_settings() : JsonObject());
+    link_ = links_.to(place, protocol_, line_of(*driver_.node),
+                      LinkTable::is_serial(place) == true ? serial_settings() : JsonObject());
   }
   ImportedDevice& device = out_.devices.emplace_back(new_device(name, link_, protocol_));
   if (number >= 0) device.keys["unit"] = number;

@@ -180,8 +180,8 @@ std::string TelegrafReader::link_of(const toml::table& plugin) {
   if (!options_.port.empty()) return links_.to(options_.port, protocol_);
   if (is_tcp) {
     std::string port(controller.substr("tcp://"sv.size()));
-    if (!LinkTable::is_serial(port)) port += ":502";
-    if (LinkTable::is_serial(port) == false) return links_.to(port, protocol_);
+    if (port.find(':') == port.npos || port.ends_with(']')) port += ":502";
+    return links_.to(port, protocol_, line_of(plugin));
   }
   if (controller.starts_with("file://")) controller.remove_prefix("file://"sv.size());
   if (controller.starts_with('/')) {
@@ -192,7 +192,7 @@ std::string TelegrafReader::link_of(const toml::table& plugin) {
     if (parity == "N" || parity == "E" || parity == "O")
       serial["parity"] = parity == "N" ? "none" : parity == "E" ? "even" : "odd";
     if (const auto bits = integer_at(plugin, "stop_bits")) serial["stop_bits"] = *bits;
-    return links_.to(std::string(controller), protocol_, serial);
+    return links_.to(std::string(controller), protocol_, line_of(plugin), serial);
   }
   return links_.to_placeholder(protocol_, line_of(plugin));
 }

@@ -127,12 +127,12 @@ std::string ThingsboardReader::link_of(const ConfigNode& slave, std::string_view
     else
       out_.note(line_of(slave), "not imported: the parity \"" + parity + "\"");
     serial["stop_bits"] = integer_at(slave, "stopbits").value_or(1);
-    return links_.to(std::string(path), protocol, serial);
+    return links_.to(std::string(path), protocol, line_of(slave), serial);
   }
   const std::string_view host = text_at(slave, "host");
   const auto port = integer_at(slave, "port");
   if (!host.empty() && port)
-    return links_.to(std::string(host) + ":" + std::to_string(*port), protocol);
+    return links_.to(std::string(host) + ":" + std::to_string(*port), protocol, line_of(slave));
   return links_.to_placeholder(protocol, line_of(slave));
 }
 

@@ -77,6 +77,20 @@ TEST(LinkTable, OneLinkForOnePort) {
   EXPECT_EQ(out.links[3]["tcp"]["port"], 502);
 }
 
+TEST(LinkTable, ImpossiblePortIsAPlaceholder) {
+  Imported out;
+  LinkTable links(out);
+  EXPECT_EQ(links.to("192.0.2.7:70000", "modbus-tcp", 3), "line1");
+  EXPECT_EQ(links.to("192.0.2.7:0", "modbus-rtu", 4), "line2");
+  ASSERT_EQ(out.links.size(), 2U);
+  EXPECT_EQ(out.links[0]["tcp"]["host"], "192.0.2.1");
+  EXPECT_EQ(out.links[1]["serial"], json::parse(R"({"path": "/dev/ttyUSB0"})"));
+  ASSERT_EQ(out.notes.size(), 4U);
+  EXPECT_EQ(out.notes[0].line, 3);
+  EXPECT_NE(out.notes[0].text.find("\"192.0.2.7:70000\""), std::string::npos);
+  EXPECT_NE(out.notes[1].text.find("placeholder"), std::string::npos);
+}
+
 TEST(LinkTable, WhatAPortIs) {
   EXPECT_EQ(LinkTable::is_serial("/dev/ttyS0"), true);
   EXPECT_EQ(LinkTable::is_serial("a:1"), false);
@@ -139,7 +153,7 @@ TEST(FinishedImport, AnOddNumberOfALinkOrDeviceCostsNoOther) {
   JsonObject serial;
   serial["baud"] = 0;
   serial["parity"] = "even";
-  const std::string line = links.to("/dev/ttyUSB0", "modbus-rtu", serial);
+  const std::string line = links.to("/dev/ttyUSB0", "modbus-rtu", 0, serial);
   for (const int unit : {3, 300}) {
     ImportedDevice device = new_device("unit" + std::to_string(unit), line, "modbus-rtu");
     device.keys["unit"] = unit;

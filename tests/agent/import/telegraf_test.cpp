@@ -18,6 +18,22 @@ Made plugin_of(const std::string& lines) {
                   lines);
 }
 
+TEST(Telegraf, PortOfTheControllerIs502UnlessItHasOne) {
+  const auto made = [](const std::string& controller) {
+    return telegraf("[[inputs.modbus]]\nname = \"m\"\ncontroller = \"tcp://" + controller +
+                    "\"\ncoils = [ { name = \"run\", address = [3]} ]\n");
+  };
+  for (const char* host : {"a", "[::1]"}) {
+    const json tcp = made(host).config["links"][0]["tcp"];
+    EXPECT_EQ(tcp["host"], host[0] == '[' ? "::1" : host);
+    EXPECT_EQ(tcp["port"], 502);
+  }
+  const Made wrong = made("a:70000");
+  EXPECT_EQ(wrong.config["links"][0]["tcp"]["host"], "192.0.2.1");
+  expect_note(wrong, {"1: not imported", "\"a:70000\""});
+  expect_note(wrong, {"placeholder"});
+}
+
 TEST(Telegraf, TwoProtocolsAtOneHostAndPortAreTwoLinks) {
   const std::string tcp = R"(
 [[inputs.modbus]]
