@@ -88,9 +88,9 @@ int run_import(const ImportQuestion& what) {
 }
 
 int run_export(const std::string& path) {
-  const auto text = read_config_file(path);
-  if (!text) return refused("", to_string(text.error().front(), path));
-  std::cout << export_csv(*text);
+  std::string text;
+  if (!loaded(path, &text)) return kWrong;
+  std::cout << export_csv(text);
   return kDone;
 }
 

@@ -290,9 +290,8 @@ void add_import(CommandLine& line) {
 }
 
 void add_export(CommandLine& line) {
-  CLI::App* command = line.add("export", "Print the tags of a config for a spreadsheet", [&line] {
-    return loaded(line.path) ? run_export(line.path) : kWrong;
-  });
+  CLI::App* command = line.add("export", "Print the tags of a config for a spreadsheet",
+                               [&line] { return run_export(line.path); });
   line.with_path(command)->add_flag("--csv")->description(
       "As CSV, the default: `import csv` makes the same config from it");
 }

@@ -23,11 +23,11 @@ namespace fxagent {
 /// Prints the errors on stderr, one a line.
 void print_errors(const std::vector<ConfigError>& errors, const std::string& path);
 
-/// Loads a config. Prints the errors on stderr and returns nullopt if it is wrong.
-std::optional<Config> loaded(const std::string& path);
+/// Calls load_config(). Prints the errors on stderr and returns nullopt if the config is wrong.
+std::optional<Config> loaded(const std::string& path, std::string* text = nullptr);
 /// The same for a call that uses the lines itself. Prints a note if another gateway, or an agent on
 /// this machine, may use them.
-std::optional<Config> loaded_for_lines(const std::string& path);
+std::optional<Config> loaded_for_lines(const std::string& path, std::string* text = nullptr);
 
 // ---- check: validates a config file and checks that this machine can run it
 
@@ -131,8 +131,7 @@ struct ImportQuestion {
 /// Returns 0; 1 if nothing could be converted; 2 if an argument is wrong or the file cannot be
 /// read.
 int run_import(const ImportQuestion& what);
-/// Prints the tags of a config file that has passed `check`. Returns 0, or 2 if the file can no
-/// longer be read.
+/// Prints the tags of a config file. Returns 0, or 2 if the config is wrong.
 int run_export(const std::string& path);
 
 // ---- init: creates the initial files of a new plant

@@ -100,10 +100,9 @@ std::string expanded_config(std::string_view text, const Environment& environmen
 }
 
 tl::expected<std::string, std::vector<ConfigError>> expanded_config(const std::string& path) {
-  if (const auto config = load_config(path); !config) return tl::unexpected(config.error());
-  const auto text = read_config_file(path);
-  if (!text) return tl::unexpected(text.error());
-  return expanded_config(*text, process_environment);
+  std::string text;
+  if (const auto config = load_config(path, &text); !config) return tl::unexpected(config.error());
+  return expanded_config(text, process_environment);
 }
 
 }  // namespace fxagent

@@ -191,10 +191,12 @@ tl::expected<Config, ConfigErrors> parse_config(std::string_view text,
   return config;
 }
 
-tl::expected<Config, ConfigErrors> load_config(const std::string& path) {
-  auto text = read_config_file(path);
-  if (!text) return tl::unexpected(std::move(text.error()));
-  return config_of_file(path, *text, privacy_of(path));
+tl::expected<Config, ConfigErrors> load_config(const std::string& path, std::string* text) {
+  auto read = read_config_file(path);
+  if (!read) return tl::unexpected(std::move(read.error()));
+  auto config = config_of_file(path, *read, privacy_of(path));
+  if (text != nullptr) *text = *std::move(read);
+  return config;
 }
 
 tl::expected<Config, ConfigErrors> config_of_file(const std::string& path, std::string_view text,

@@ -15,7 +15,9 @@ namespace fxagent {
 /// Reads and checks a config file: JSON with // and /* */ comments. Returns all errors together, in
 /// the order of the file. Replaces `${NAME}` in strings with the environment variable; `$${NAME}`
 /// stands for a plain `${NAME}`. Relative paths start at the directory of the file. Never throws.
-tl::expected<Config, ConfigErrors> load_config(const std::string& path);
+/// `text`, if it is not nullptr, gets the text of the file: a pipe can be read only once.
+tl::expected<Config, ConfigErrors> load_config(const std::string& path,
+                                               std::string* text = nullptr);
 /// Same for `text` in place of the content of the file, whose directory and `privacy` apply. Does
 /// not access any file.
 tl::expected<Config, ConfigErrors> config_of_file(const std::string& path, std::string_view text,

@@ -4,10 +4,11 @@ import glob
 import json
 import os
 import re
+import subprocess
 import tempfile
 import unittest
 
-from plant import fxagent, read_json, read_text
+from plant import FXAGENT, fxagent, read_json, read_text
 
 ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..")
 
@@ -83,6 +84,16 @@ class Import(unittest.TestCase):
             status, out, err = fxagent("import", "csv", self.file("e.csv", csv), environment=variables)
             self.assertEqual(status, 0, err)
             self.assertEqual(json.loads(out), read_json(path), path)
+
+    def test_a_pipe_is_read_once(self):
+        config = read_text(os.path.join(ROOT, "config", "agent.example.json"))
+        path = self.file("agent.json", config.replace('"agent": {', '"agent": {"remote_config": true, ', 1))
+        desired = self.file("desired.json", '{"version": "1", "patch": {}}')
+        for arguments in (["check"], ["check", "--desired", desired], ["check", "--target", "aws"], ["config"], ["export"]):
+            done = subprocess.run(["bash", "-c", '"$0" "${@:2}" <(cat "$1")', FXAGENT, path, *arguments],
+                                  capture_output=True, text=True, timeout=60, check=False)
+            said = tuple(re.sub("/dev/fd/[0-9]+", path, text) for text in (done.stdout, done.stderr))
+            self.assertEqual((done.returncode, *said), fxagent(*arguments, path), arguments)
 
     def test_a_wrong_config_is_not_exported(self):
         self.assertEqual(fxagent("export", "--csv", self.file("w.json", "{}"))[0], 2)

@@ -30,7 +30,8 @@ std::string counts(const Config& config) {
 }
 
 /// Checks the document in the file `desired` as if it arrived on {base}/config/desired.
-int check_desired(const std::string& path, const Config& local, const std::string& desired) {
+int check_desired(const std::string& path, const Config& local, const std::string& text,
+                  const std::string& desired) {
   const auto refuse = [&desired](const ConfigErrors& errors) {
     print_errors(errors, desired);
     return kWrong;
@@ -47,10 +48,8 @@ int check_desired(const std::string& path, const Config& local, const std::strin
   }
   const auto [read, faults] = read_desired(*document);
   if (!faults.empty()) return refuse(faults);
-  const auto text = read_config_file(path);
-  if (!text) return refuse(text.error());
   const ConfigLimits limits = remote_limits(local);
-  const auto config = effective_config(*text, local, read, [&](std::string_view both) {
+  const auto config = effective_config(text, local, read, [&](std::string_view both) {
     return config_of_file(path, both, privacy_of(path), {.limits = limits});
   });
   if (!config) return refuse(config.error());
@@ -76,9 +75,9 @@ std::vector<ConfigError> tls_faults(const Config& config, const std::vector<Conf
 }
 
 /// Prints what the broker `target` refuses. Returns the exit status.
-int check_for_target(const std::string& path, const Config& config, const std::string& target) {
-  const auto text = read_config_file(path);
-  const auto findings = target_findings(config, text ? *text : std::string(), target);
+int check_for_target(const std::string& path, const Config& config, const std::string& text,
+                     const std::string& target) {
+  const auto findings = target_findings(config, text, target);
   std::size_t refusals = 0;
   for (const TargetFinding& finding : findings) {
     const bool is_refused = finding.severity == TargetFinding::Severity::refused;
@@ -98,15 +97,15 @@ void print_errors(const std::vector<ConfigError>& errors, const std::string& pat
   for (const ConfigError& error : errors) std::cerr << to_string(error, path) << '\n';
 }
 
-std::optional<Config> loaded(const std::string& path) {
-  auto config = load_config(path);
+std::optional<Config> loaded(const std::string& path, std::string* text) {
+  auto config = load_config(path, text);
   if (config) return std::move(*config);
   print_errors(config.error(), path);
   return std::nullopt;
 }
 
-std::optional<Config> loaded_for_lines(const std::string& path) {
-  auto config = loaded(path);
+std::optional<Config> loaded_for_lines(const std::string& path, std::string* text) {
+  auto config = loaded(path, text);
   if (config && config->pair)
     std::cerr << "note: the other gateway of the pair may use the line now, and this call does not "
                  "ask it. Two masters disturb each other: stop both agents first, or send the "
@@ -127,9 +126,10 @@ int run_check(const std::string& path, const CheckQuestion& what) {
   if (!what.target.empty())
     if (const std::string fault = target_fault(what.target); !fault.empty())
       return refused("check", fault);
-  const auto config = what.online ? loaded_for_lines(path) : loaded(path);
+  std::string text;
+  const auto config = what.online ? loaded_for_lines(path) : loaded(path, &text);
   if (!config) return kWrong;
-  if (!what.desired.empty()) return check_desired(path, *config, what.desired);
+  if (!what.desired.empty()) return check_desired(path, *config, text, what.desired);
   for (const std::string& warning : config->warnings)
     std::cerr << path << ": warning: " << warning << '\n';
   const std::vector<ConfigError> files = check_files(*config);
@@ -148,7 +148,7 @@ int run_check(const std::string& path, const CheckQuestion& what) {
         << path << ": a pair with " << config->mqtt.servers.size()
         << " mqtt.servers needs a cluster: if these are separate brokers, both gateways become "
            "active; then keep one server\n";
-  if (!what.target.empty()) return check_for_target(path, *config, what.target);
+  if (!what.target.empty()) return check_for_target(path, *config, text, what.target);
   return what.online ? run_online_check(*config, path, /*as_json=*/false) : 0;
 }
 

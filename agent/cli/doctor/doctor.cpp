@@ -492,21 +492,20 @@ std::string write_copy(const std::string& path, const std::string& config,
 }  // namespace
 
 int run_doctor(const std::string& path, const std::string& fix) {
-  const auto config = loaded_for_lines(path);
+  std::string text;
+  const auto config = loaded_for_lines(path, &text);
   if (!config) return kWrong;
   log::set_level(log::Level::error);
   std::signal(SIGPIPE, SIG_IGN);
-  const auto text = read_config_file(path);
-  if (!text) return refused(path, text.error().front().text);
   // Known before the search, which may take minutes.
   if (const std::string why = fix.empty() ? "" : why_no_copy(fix); !why.empty())
     return refused(fix, "cannot be written: " + why, kFailed);
-  Diagnosis diagnosis(*text);
+  Diagnosis diagnosis(text);
   Doctor(*config, diagnosis).run();
   const int status = diagnosis.status();
   if (status == kDone) std::cout << "Nothing to change.\n";
   if (fix.empty() || diagnosis.writable() == 0) return status;
-  const std::string fixed = fixed_config(*text, diagnosis.changes());
+  const std::string fixed = fixed_config(text, diagnosis.changes());
   if (const auto valid = config_of_file(path, fixed, privacy_of(path)); !valid)
     return refused(fix, "not written, the changed config is wrong: " + valid.error().front().text,
                    kFailed);

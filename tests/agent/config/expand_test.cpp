@@ -3,7 +3,9 @@
 #include "agent/config/source.h"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
+#include <array>
 #include <nlohmann/json.hpp>
 
 #include "tests/agent/config/small_plant.h"
@@ -99,6 +101,18 @@ TEST(ExpandedConfig, WithoutTemplatesItIsTheFile) {
     const std::string text = content_of(std::string(FXAGENT_CONFIG_DIR "/") + name);
     EXPECT_EQ(json::parse(expanded_config(text, environment())), json::parse(text));
   }
+}
+
+TEST(ExpandedConfig, PipeIsReadOnce) {
+  std::array<int, 2> ends{};
+  ASSERT_EQ(::pipe(ends.data()), 0);
+  const std::string plant = small_plant().dump();  // fits into a pipe's buffer
+  ASSERT_EQ(::write(ends[1], plant.data(), plant.size()), std::ssize(plant));
+  ::close(ends[1]);
+  const auto expanded = expanded_config("/dev/fd/" + std::to_string(ends[0]));
+  ::close(ends[0]);
+  ASSERT_TRUE(expanded) << listed(expanded.error());
+  EXPECT_EQ(json::parse(*expanded), small_plant());
 }
 
 TEST(ExpandedConfig, AWrongFileHasItsErrors) {
