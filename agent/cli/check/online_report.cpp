@@ -112,11 +112,12 @@ std::string said(const OnlineBroker& broker) {
 /// that shows its state.
 std::string offer(const Config& config, const DeviceConfig& device, const std::string& id) {
   const std::string& server = config.mqtt.servers.front();
-  const std::size_t host = server.find("://") + 3;
+  const std::size_t begin = server.find("://") + 3;
   const std::size_t colon = server.rfind(':');
+  std::string host = server.substr(begin, colon - begin);
+  if (host.starts_with('[')) host = host.substr(1, host.size() - 2);
   const std::string base = config.base_topic() + "/" + device.name;
-  std::string reach =
-      " -h " + server.substr(host, colon - host) + " -p " + server.substr(colon + 1);
+  std::string reach = " -h " + host + " -p " + server.substr(colon + 1);
   if (server.starts_with("mqtts://"))
     reach += config.mqtt.tls && !config.mqtt.tls->ca_file.empty()
                  ? " --cafile " + config.mqtt.tls->ca_file

@@ -224,6 +224,9 @@ TEST_F(OnlineReport, WhoHasALinkIsNamedAndItsAgentCanBeAsked) {
             std::string::npos)
       << "a device of TCP has no other port to give";
   EXPECT_EQ(request_to(config, 2, "check-1"), "") << "it has no devices";
+  Config ipv6 = config;
+  ipv6.mqtt.servers = {"mqtt://[::1]:1883"};
+  expect_says(request_to(ipv6, 0, "check-1"), "mosquitto_rr -h ::1 -p 1883 ");
 }
 
 TEST(OnlineHints, AGoodFloatThatIsPlainInAnotherWordOrderIsNamedAndStillGood) {
