@@ -59,9 +59,13 @@ std::unordered_set<std::string> own_topics(const Config& config) {
 std::optional<std::string> topic_fault(const PlainTopic& topics, const Config& config) {
   const auto own = own_topics(config);
   std::unordered_set<std::string> taken;
-  for (const DeviceConfig& device : config.devices)
+  // A name that is wrong or stands twice, and a wrong group, are already reported.
+  std::unordered_set<std::string_view> devices{""};
+  for (const DeviceConfig& device : config.devices) {
+    if (!devices.insert(device.name).second) continue;
+    std::unordered_set<std::string_view> tags{""};
     for (const TagConfig& tag : device.tags) {
-      if (tag.group >= device.groups.size()) continue;  // already reported
+      if (!tags.insert(tag.name).second || tag.group >= device.groups.size()) continue;
       const std::string topic = topics.of(device.name, device.groups.at(tag.group).name, tag.name);
       const auto gives = [&, name = std::string(tag.name)](const std::string& what) {
         std::string text = "gives the tag ";
@@ -73,6 +77,7 @@ std::optional<std::string> topic_fault(const PlainTopic& topics, const Config& c
       if (!taken.insert(topic).second)
         return gives(topic + ", which another tag has: use {device}");
     }
+  }
   return std::nullopt;
 }
 

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <set>
+
 #include "tests/agent/config/small_plant.h"
 
 namespace fxagent {
@@ -110,6 +112,27 @@ TEST(ProfilesConfig, EachTagNeedsATopicOfItsOwn) {
   plant = json::parse(with_profiles(R"({"kind": "plain"})"));
   plant["devices"][1]["tags"] = {{{"name", "temp"}, {"address", "D1"}, {"group", "slow"}}};
   expect_error(plant.dump(), "/devices/1/tags/0/group", {"no group \"slow\""});
+}
+
+TEST(ProfilesConfig, WrongNamesAreReportedOnce) {
+  const auto pointers = [](const std::string& device, const std::string& tags) {
+    json plant = json::parse(with_profiles(R"({"kind": "plain"})"));
+    plant["devices"][1]["name"] = device;
+    plant["devices"][0]["tags"] = plant["devices"][1]["tags"] = json::parse(tags);
+    std::set<std::string> places;
+    for (const ConfigError& error : errors_of(plant.dump(), environment()))
+      places.insert(error.pointer);
+    return places;
+  };
+  EXPECT_EQ(
+      pointers("mixer", R"([{"name": "A", "address": "D0"}, {"name": "B", "address": "D1"}])"),
+      (std::set<std::string>{"/devices/0/tags/0/name", "/devices/0/tags/1/name",
+                             "/devices/1/tags/0/name", "/devices/1/tags/1/name"}));
+  EXPECT_EQ(
+      pointers("mixer", R"([{"name": "a", "address": "D0"}, {"name": "a", "address": "D1"}])"),
+      (std::set<std::string>{"/devices/0/tags/1/name", "/devices/1/tags/1/name"}));
+  EXPECT_EQ(pointers("press1", R"([{"name": "a", "address": "D0"}])"),
+            std::set<std::string>{"/devices/1/name"});
 }
 
 TEST(ProfilesConfig, ThingsBoardOnTheBrokerOfMqttIsWarnedOf) {
