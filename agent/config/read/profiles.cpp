@@ -17,13 +17,13 @@
 namespace fxagent {
 namespace {
 
-/// Replaces `{name}` with the value of the key `name`, if `text` has it. Returns false, and reports
-/// that, if there is no value.
+/// Replaces each `{name}` with the value of the key `name`, if `text` has it. Returns false, and
+/// reports that, if there is no value.
 bool put_name(ConfigReader& reader, const ConfigNode& node, const ConfigKey& key,
               std::string& text) {
   const std::string place = "{" + std::string(key.name) + "}";
   const auto value = reader.text(node, key);
-  const std::size_t at = text.find(place);
+  std::size_t at = text.find(place);
   if (at == text.npos) {
     if (value) reader.warn(*node.find(key.name), "has no effect: the topic has no " + place);
     return true;
@@ -32,7 +32,8 @@ bool put_name(ConfigReader& reader, const ConfigNode& node, const ConfigKey& key
     reader.error(node, "the topic has " + place + ": set " + std::string(key.name));
     return false;
   }
-  text.replace(at, place.size(), *value);
+  for (; at != text.npos; at = text.find(place, at + value->size()))
+    text.replace(at, place.size(), *value);
   return true;
 }
 

@@ -75,6 +75,12 @@ TEST(ProfilesConfig, PlainNamesOfThePlantStandInTheTopic) {
   EXPECT_EQ(config.profiles[1].topic, "Ulm/press shop/L1/{device}/{tag}");
 }
 
+TEST(ProfilesConfig, ANameOfThePlantMayStandTwice) {
+  const Config config = good(with_profiles(
+      R"({"kind": "plain", "topic": "{site}/{site}/{device}/{site}_{tag}", "site": "Ulm"})"));
+  EXPECT_EQ(config.profiles[1].topic, "Ulm/Ulm/{device}/Ulm_{tag}");
+}
+
 TEST(ProfilesConfig, EachFaultNamesItsPlaceAndItsCure) {
   const std::string place = "/profiles/2";
   expect_error(with_profiles(R"({"kind": "opc"})"), place + "/kind", {"json", "plain"});
