@@ -35,7 +35,7 @@ struct Rules {
 };
 constexpr std::string_view kListen =
     R"({"pattern": "^(([0-9.]+|localhost|\\[[0-9A-Fa-f:.]+\\]):[0-9]{1,5}|unix:/[^\\u0000-\\u001f\\u007f]{1,106}|.*\\$\\{.*)$"})";
-constexpr std::string_view kHost = R"({"pattern": "^[^ /@\\u0000-\\u001f\\u007f]+$|\\$\\{"})";
+constexpr std::string_view kHost = R"({"pattern": "^[^ /@\\[\\]\\u0000-\\u001f\\u007f]+$|\\$\\{"})";
 constexpr std::array kRules{
     Rules{"agent.root",
           R"({"maxLength": 256,

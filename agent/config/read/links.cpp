@@ -56,14 +56,16 @@ void read_place(ConfigReader& reader, const ConfigNode& link, const ConfigNode& 
     // "meter.local:502" has a port; an IPv6 address has more than one colon.
     const std::size_t colon = settings.host.find(':');
     const bool has_scheme = settings.host.find("://") != std::string::npos;
-    const bool has_port = colon != std::string::npos && colon == settings.host.rfind(':');
-    if (has_port || settings.host.find_first_of(" /@") != std::string::npos)
+    const bool has_port = (colon != std::string::npos && colon == settings.host.rfind(':')) ||
+                          settings.host.find("]:") != std::string::npos;
+    if (has_port || settings.host.find_first_of(" /@[]") != std::string::npos)
       reader.error(*node.find("host"),
                    "must be only a host name or an address, found \"" + shown(settings.host) +
                        "\"" +
                        (has_scheme ? "; remove the scheme with its ://"
                         : has_port ? "; the number after the colon belongs in \"port\""
-                                   : ""));
+                        : settings.host.starts_with('[') ? "; remove the brackets"
+                                                         : ""));
   }
   const auto number = reader.integer(node, port);
   settings.port = static_cast<std::uint16_t>(number.value_or(0));

@@ -492,6 +492,9 @@ TEST(Config, LineSettingsOutOfRangeAreRefused) {
   expect_refused("/links/1/tcp/port", "0", {"1 to 65535"});
   expect_refused("/links/1/tcp/host", R"("http://a/")", {"host name"});
   expect_refused("/links/1/tcp/host", R"("http://10.0.0.1")", {"remove the scheme with its ://"});
+  expect_refused("/links/1/tcp/host", R"("[::1]")", {"remove the brackets"});
+  expect_refused("/links/1/tcp/host", R"("[::1]:502")", {"belongs in \"port\""});
+  good(changed("/links/1/tcp/host", R"("::1")"));
 }
 
 TEST(Config, LinkIsEitherSerialOrTcpOrUdp) {

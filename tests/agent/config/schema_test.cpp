@@ -175,7 +175,7 @@ TEST(ConfigSchema, WhatIsWrongFailsBoth) {
     "/links/0/serial/rs485": [true, {"rts": true}, {"delay_before_ms": 101}],
     "/links/0/serial/path": [""],
     "/links/1": [{"name": "gw1", "tcp": {"host": "a", "port": 1}, "data_bits": 8}],
-    "/links/1/tcp/port": [65536], "/links/1/tcp/host": ["a/b"],
+    "/links/1/tcp/port": [65536], "/links/1/tcp/host": ["a/b", "[::1]"],
     "/links/1/udp": [{"host": "a", "port": 1}],
     "/links/2": [{"name": "l3", "udp": {"host": "a"}},
       {"name": "l3", "udp": {"host": "a/b", "port": 1}},
