@@ -72,7 +72,7 @@ constexpr std::array kRules{
               "else": {"$ref": "#/definitions/device"}}})"},
     Rules{"devices[].n",
           R"({"anyOf": [{"type": "string",
-                "pattern": "^[0-9]{1,9}(-[0-9]{1,9})?(,[0-9]{1,9}(-[0-9]{1,9})?)*$|\\$\\{"},
+                "pattern": "^ *[0-9]{1,9}( *(-|\\.\\.) *[0-9]{1,9})? *(, *[0-9]{1,9}( *(-|\\.\\.) *[0-9]{1,9})? *)*$|\\$\\{"},
                {"type": "array", "minItems": 1, "maxItems": 10000,
                 "items": {"anyOf": [{"type": "integer"}, {"$ref": "#/definitions/name"}]}}]})"},
     Rules{"devices[].tags[]",

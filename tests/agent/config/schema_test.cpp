@@ -322,7 +322,7 @@ TEST(ConfigSchema, WhatIsRightInTemplatesPassesBoth) {
   expect_right(many_plant, R"({
     "without": [""],
     "/templates/unused": [{"model": "FX3U"}],
-    "/devices/0/n": ["01-02,07"], "/devices/0/timeout_ms": [500],
+    "/devices/0/n": ["01-02,07", "1 - 2, 7 .. 8 ", " 6 "], "/devices/0/timeout_ms": [500],
     "/templates/meter/tags/0/type": ["int32"],
     "/templates/meter/tags/0/description": ["Meter {n}"],
     "/templates/meter/tags/0/states": [{"0": "{n}"}], "/templates/meter/byte_order": ["DCBA"],
@@ -340,7 +340,7 @@ TEST(ConfigSchema, WhatIsWrongInTemplatesFailsBoth) {
     "/templates/meter/timeout_ms": ["x"], "/templates/meter/tags/0/colour": [1],
     "/templates/meter/tags/0/type": ["float"], "/templates/meter/groups/0/publish": ["x"],
     "/templates/meter/commands/queue": [0],
-    "/devices/0/n": [5, "a-b", [], [1.5]], "/devices/0/colour": [1], "/devices/0/template": [5],
+    "/devices/0/n": [5, "a-b", "", "1,", "1 2", "1-", [], [1.5]], "/devices/0/colour": [1], "/devices/0/template": [5],
     "/devices/0/unit": [256]})");
 }
 
