@@ -14,6 +14,7 @@
 #include "agent/cli/report/plan_report.h"
 #include "agent/config/plain_topic.h"
 #include "agent/config/read/findings.h"
+#include "agent/config/read/sections.h"
 #include "agent/config/suggestions.h"
 #include "agent/handover/status.h"
 #include "agent/text/text.h"
@@ -363,9 +364,6 @@ class Examination {
   }
 
   void look_at_differences() {
-    const auto is_remote = [](const std::string& server) {
-      return !server.starts_with("mqtt://127.") && !server.starts_with("mqtt://localhost:");
-    };
     if (!limits_.retained_by_wildcard)
       warn("/mqtt", broker() +
                         " sends retained messages only to a subscription of the exact topic: the "
@@ -380,7 +378,7 @@ class Examination {
            "the agent announces a Maximum Packet Size of 16 MiB, and AWS documents 128 KB as the "
            "largest; if it refuses the connection, set version to \"3.1.1\"");
     if (limits_.name == "rabbitmq" && config_.mqtt.username.empty() &&
-        std::ranges::any_of(config_.mqtt.servers, is_remote))
+        !std::ranges::all_of(config_.mqtt.servers, is_on_this_machine))
       warn("/mqtt/username",
            "RabbitMQ accepts its default user guest only from its own machine: set username and "
            "password_file");

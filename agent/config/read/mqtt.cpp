@@ -49,6 +49,12 @@ tl::expected<std::string, std::string_view> normal_server(std::string_view serve
   return out + ":" + std::string(port);
 }
 
+bool is_on_this_machine(std::string_view server) {
+  server.remove_prefix(server.find("://") + 3);
+  return server.starts_with("127.") || server.starts_with("localhost:") ||
+         server.starts_with("[::1]:");
+}
+
 namespace {
 
 void read_tls(ConfigReader& reader, const ConfigNode& node, MqttConfig& mqtt) {
@@ -62,13 +68,6 @@ void read_tls(ConfigReader& reader, const ConfigNode& node, MqttConfig& mqtt) {
       mqtt.servers, [](const std::string& server) { return server.starts_with("mqtts://"); });
   if (!encrypted) reader.warn(node, "has no effect: no server is mqtts://");
   mqtt.tls = tls;
-}
-
-/// True if the server is on this machine.
-bool is_loopback(std::string_view server) {
-  server.remove_prefix(server.find("://") + 3);
-  return server.starts_with("127.") || server.starts_with("localhost:") ||
-         server.starts_with("[::1]:");
 }
 
 void read_password(ConfigReader& reader, const ConfigNode& node, MqttConfig& mqtt,
@@ -97,7 +96,7 @@ void read_password(ConfigReader& reader, const ConfigNode& node, MqttConfig& mqt
     if (mqtt.version == 4 && node.find("username") == nullptr)
       reader.error(*password, "MQTT 3.1.1 has no password without a username: set username");
     for (const std::string& server : mqtt.servers)
-      if (server.starts_with("mqtt://") && !is_loopback(server))
+      if (server.starts_with("mqtt://") && !is_on_this_machine(server))
         reader.warn(*password, "it is sent to " + server + " unencrypted; mqtts:// encrypts it");
   }
 }

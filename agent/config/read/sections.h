@@ -24,6 +24,8 @@ class DeviceEntry;
 
 /// Returns "mqtt://host:port" with the port filled in, or the fault of the address.
 tl::expected<std::string, std::string_view> normal_server(std::string_view server);
+/// True if a result of normal_server() names this machine.
+bool is_on_this_machine(std::string_view server);
 
 /// Reads the section at `node` into `config.mqtt`. `config.id` must be set. `privacy` decides if
 /// the file may contain a password.

@@ -140,6 +140,11 @@ TEST(CheckTarget, AzureAndRabbitMqNeedAUser) {
       plant("\"username\": \"edge7\",\n  \"password_file\": \"/run/secrets/mqtt\",", "");
   EXPECT_EQ(warned("azure", anonymous), Places{"3 /mqtt/username"});
   EXPECT_EQ(warned("rabbitmq", anonymous), (Places{"3 /mqtt", "3 /mqtt/username"}));
+  for (const std::string server : {"mqtt://localhost", "mqtts://127.0.0.1", "mqtt://[::1]"}) {
+    std::string local = anonymous;
+    local.replace(local.find(kServer), kServer.size(), server);
+    EXPECT_EQ(warned("rabbitmq", local), Places{"3 /mqtt"}) << server;
+  }
 }
 
 TEST(CheckTarget, ClientIdsAreLimited) {
