@@ -10,7 +10,6 @@
 #include "agent/config/keys.h"
 #include "agent/config/loader.h"
 #include "agent/config/source.h"
-#include "agent/process/this_process.h"
 #include "agent/text/json.h"
 #include "agent/text/json_writer.h"
 #include "agent/text/text.h"

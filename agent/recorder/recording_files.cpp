@@ -86,7 +86,8 @@ std::string RecordingFiles::make_room(std::uint64_t bytes, const std::string& ti
   if (fault) return directory_ + ": " + fault.message();
   std::ranges::sort(files);  // by name, which begins with the time
   const auto is_later = [&](const auto& file) {
-    return file.first.filename().string().compare(0, time.size(), time) > 0;
+    const std::string name = file.first.filename().string();
+    return name.front() <= '9' && name.compare(0, time.size(), time) > 0;  // not one of a user
   };
   std::ranges::stable_partition(files, is_later);
   std::size_t left = files.size();

@@ -78,7 +78,7 @@ TEST(ProfilesConfig, PlainNamesOfThePlantStandInTheTopic) {
 TEST(ProfilesConfig, ANameOfThePlantMayStandTwice) {
   const Config config = good(with_profiles(
       R"({"kind": "plain", "topic": "{site}/{site}/{device}/{site}_{tag}", "site": "Ulm"})"));
-  EXPECT_EQ(config.profiles[1].topic, "Ulm/Ulm/{device}/Ulm_{tag}");
+  EXPECT_EQ(config.profiles.at(1).topic, "Ulm/Ulm/{device}/Ulm_{tag}");
 }
 
 TEST(ProfilesConfig, EachFaultNamesItsPlaceAndItsCure) {
