@@ -66,8 +66,8 @@ class StorePart {
 
   /// The calendar was set: shifts the times that this run has in memory.
   virtual void move_waiting_times(std::int64_t /*by_ms*/) {}
-  /// Same in the file, within a commit, with the times that earlier runs have written since the
-  /// machine started: they had the same clock. Throws SQLite::Exception.
+  /// Same in the file, within a commit. Times of commands that earlier runs have written since the
+  /// machine started move too: they had the same clock. Throws SQLite::Exception.
   virtual void move_stored_times(std::int64_t /*by_ms*/) {}
 };
 
@@ -114,9 +114,9 @@ class StoreDisk final {
   const std::string& set_aside() const { return set_aside_; }
 
   /// Records the current time of both clocks. If the calendar moved by 60 s or more against the
-  /// steady clock, it was set: shifts the times written since the machine started by the same
-  /// amount, those in memory at once. A gateway without a real-time clock starts in the past and
-  /// gets its time over the same network as the broker, after the outage.
+  /// steady clock, it was set: shifts the times of this run by the same amount, those in memory at
+  /// once. A gateway without a real-time clock starts in the past and gets its time over the same
+  /// network as the broker, after the outage.
   void note_time(SteadyTime now, std::int64_t utc_ms);
   /// The time in ms UTC, as last recorded.
   std::int64_t utc_ms() const { return utc_ms_; }

@@ -196,9 +196,8 @@ void StoredSamples::drop(std::uint64_t excess, std::int64_t older_than_ms) {
 
 void StoredSamples::move_stored_times(std::int64_t by_ms) {
   SQLite::Statement move(disk_.database(),
-                         "UPDATE samples SET created_ms = created_ms + ?1"
-                         " WHERE id >= ?2 OR created_ms BETWEEN ?3 AND ?4");
-  sqlite::run(move, by_ms, first_of_run_, disk_.machine_start_ms() - by_ms, disk_.utc_ms() - by_ms);
+                         "UPDATE samples SET created_ms = created_ms + ? WHERE id >= ?");
+  sqlite::run(move, by_ms, first_of_run_);
 }
 
 }  // namespace fxagent
