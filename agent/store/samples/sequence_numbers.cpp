@@ -15,71 +15,53 @@ void SequenceNumbers::load(SQLite::Database& database) {
                   "INSERT INTO devices VALUES(?, ?, ?) ON CONFLICT DO UPDATE SET last_seq ="
                   " CASE excluded.clean WHEN 1 THEN excluded.last_seq"
                   " ELSE max(last_seq, excluded.last_seq) END, clean = excluded.clean");
+  is_behind_ = ::access(behind_.path().c_str(), F_OK) == 0;
+  found_.clear();
+  SQLite::Statement all(database, "SELECT name, last_seq, clean FROM devices");
+  sqlite::each(all, [this](const SQLite::Statement& row) {
+    const std::uint64_t written = from_sql(sqlite::number(row, 1));
+    const bool exact = sqlite::number(row, 2) != 0 || config_.sync_always;
+    found_[std::string(sqlite::text(row, 0))] = {is_behind_ ? written + kUnknown : written,
+                                                 exact && !is_behind_};
+  });
 }
 
 std::vector<std::uint64_t> SequenceNumbers::begin(std::span<const std::string> devices,
                                                   std::int64_t utc_ms) {
-  is_behind_ = ::access(behind_.path().c_str(), F_OK) == 0;
-  std::map<std::string, std::uint64_t> reserved;
-  auto begun = add(devices, utc_ms, reserved);
-  // The mark counts for devices that have left the config too, and is removed here.
-  if (is_behind_) add(names_on_disk(), utc_ms, reserved);
-  if (write(reserved, Meaning::reserved))
-    mark_as_known();
-  else if (!config_.sync_always)  // else no number is in use yet
-    refused();
+  auto begun = add(devices, utc_ms);
+  add_behind(utc_ms);
+  write_all();
   return begun;
-}
-
-std::vector<std::string> SequenceNumbers::names_on_disk() {
-  std::vector<std::string> names;
-  if (!disk_.is_open()) return names;
-  disk_.read([&] {
-    SQLite::Statement known(disk_.database(), "SELECT name FROM devices");
-    sqlite::each(known,
-                 [&](const SQLite::Statement& row) { names.emplace_back(sqlite::text(row, 0)); });
-  });
-  return names;
 }
 
 std::vector<std::uint64_t> SequenceNumbers::join(std::span<const std::string> devices,
                                                  std::int64_t utc_ms) {
-  std::map<std::string, std::uint64_t> reserved;
-  auto begun = add(devices, utc_ms, reserved);
-  if (!reserved.empty()) write(reserved, Meaning::reserved);
+  const std::size_t before = numbers_.size();
+  auto begun = add(devices, utc_ms);
+  if (numbers_.size() != before) write_all();
   return begun;
 }
 
 std::vector<std::uint64_t> SequenceNumbers::add(std::span<const std::string> devices,
-                                                std::int64_t utc_ms,
-                                                std::map<std::string, std::uint64_t>& reserved) {
+                                                std::int64_t utc_ms) {
   std::vector<std::uint64_t> begun;
-  for (const std::string& device : devices) {
-    if (const auto known = numbers_.find(device); known != numbers_.end()) {
-      begun.push_back(known->second.last);
-      continue;
-    }
-    // If nothing is known, start at the clock: it is above every number of an earlier boot.
-    std::uint64_t last = from_sql(utc_ms);
-    const auto known = [&](const SQLite::Statement& row) {
-      const std::uint64_t written = from_sql(sqlite::number(row, 0));
-      const bool exact = sqlite::number(row, 1) != 0 || config_.sync_always;
-      if (is_behind_)
-        last = std::max(last, written + kUnknown);
-      else
-        last = exact ? written : std::max(last, written);
-    };
-    if (disk_.is_open())
-      disk_.read([&] {
-        SQLite::Statement one(disk_.database(),
-                              "SELECT last_seq, clean FROM devices WHERE name = ?");
-        sqlite::each(one, known, device);
-      });
-    begun.push_back(last);
-    numbers_[device] = {last, config_.sync_always ? last : last + kBlock};
-    reserved[device] = numbers_[device].reserved;
-  }
+  for (const std::string& device : devices) begun.push_back(add(device, utc_ms));
   return begun;
+}
+
+std::uint64_t SequenceNumbers::add(const std::string& device, std::int64_t utc_ms) {
+  if (const auto known = numbers_.find(device); known != numbers_.end()) return known->second.last;
+  // If nothing is known, start at the clock: it is above every number of an earlier boot.
+  std::uint64_t last = from_sql(utc_ms);
+  if (const auto found = found_.find(device); found != found_.end())
+    last = found->second.exact ? found->second.last : std::max(last, found->second.last);
+  numbers_[device] = {last, config_.sync_always ? last : last + kBlock};
+  return last;
+}
+
+void SequenceNumbers::add_behind(std::int64_t utc_ms) {
+  if (!is_behind_) return;
+  for (const auto& [device, found] : found_) add(device, utc_ms);
 }
 
 void SequenceNumbers::used(const std::string& device, std::uint64_t seq) {
@@ -120,7 +102,8 @@ void SequenceNumbers::write_all() {
   std::map<std::string, std::uint64_t> all;
   for (const auto& [device, numbers] : numbers_)
     all[device] = config_.sync_always ? numbers.last : numbers.reserved;
-  if (write(all, Meaning::reserved)) mark_as_known();
+  if (!write(all, Meaning::reserved)) return refused();
+  if (std::exchange(is_behind_, false)) behind_.remove();
 }
 
 void SequenceNumbers::write_last() {
@@ -135,27 +118,21 @@ void SequenceNumbers::write_with_samples(const std::map<std::string, std::uint64
 }
 
 void SequenceNumbers::refused() {
-  if ((config_.sync_always || disk_.is_open()) && !disk_.is_writable()) mark_as_behind();
+  if (is_behind_ || disk_.is_writable() || !(config_.sync_always || disk_.is_open())) return;
+  // An empty file has room even on a full disk.
+  is_behind_ = behind_.write({}).empty();
 }
 
 std::map<std::string, std::uint64_t> SequenceNumbers::above_ours() {
   std::map<std::string, std::uint64_t> above;
-  disk_.read([&] {
-    SQLite::Statement known(disk_.database(), "SELECT name, last_seq FROM devices");
-    sqlite::each(known, [&](const SQLite::Statement& row) {
-      const auto own = numbers_.find(std::string(sqlite::text(row, 0)));
-      const std::uint64_t last = from_sql(sqlite::number(row, 1));
-      if (own != numbers_.end() && last > own->second.last) above[own->first] = last;
-    });
-  });
+  for (auto& [device, own] : numbers_) {
+    const auto found = found_.find(device);
+    if (found == found_.end() || found->second.last <= own.last) continue;
+    above[device] = own.last = found->second.last;
+    own.reserved = std::max(own.reserved, own.last);
+  }
+  add_behind(disk_.utc_ms());
   return above;
-}
-
-/// Creates an empty marker file, which has room even on a full disk.
-void SequenceNumbers::mark_as_behind() { is_behind_ = is_behind_ || behind_.write({}).empty(); }
-
-void SequenceNumbers::mark_as_known() {
-  if (std::exchange(is_behind_, false)) behind_.remove();
 }
 
 }  // namespace fxagent

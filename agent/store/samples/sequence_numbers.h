@@ -41,7 +41,8 @@ class SequenceNumbers final : public StorePart {
   bool is_short() const { return is_short_; }
   /// Commits the next block of each device that is short of numbers.
   void reserve();
-  /// Commits what each device has reserved or used, for a file that lacks it.
+  /// Commits what each device has reserved or used, for a file that lacks it, and removes the
+  /// marker. Makes the marker if the disk refuses.
   void write_all();
   /// Clean end: commits the last numbers used. The next boot continues right after them.
   void write_last();
@@ -50,7 +51,8 @@ class SequenceNumbers final : public StorePart {
   void write_with_samples(const std::map<std::string, std::uint64_t>& highest);
   /// Makes the marker if the disk refuses to write: it may lack numbers that were used.
   void refused();
-  /// Returns, for each device of this run, the number in the file if it is above this run's.
+  /// For a file that opened late. Returns, for each device of this run, the number in the file if
+  /// it is above this run's; the device continues there. Call write_all() afterwards.
   std::map<std::string, std::uint64_t> above_ours();
 
   void load(SQLite::Database& database) override;
@@ -62,20 +64,26 @@ class SequenceNumbers final : public StorePart {
     std::uint64_t last = 0;      ///< used
     std::uint64_t reserved = 0;  ///< usable up to here without a write
   };
+  /// A number in the file when it opened; the marker is taken into account.
+  struct Found {
+    std::uint64_t last = 0;
+    bool exact = false;  ///< else the clock may be above it
+  };
   /// Meaning of a number in the file: the end of a block, or the last one used.
   enum class Meaning : std::uint8_t { reserved, exact };
 
-  std::vector<std::string> names_on_disk();
-  std::vector<std::uint64_t> add(std::span<const std::string> devices, std::int64_t utc_ms,
-                                 std::map<std::string, std::uint64_t>& reserved);
+  std::vector<std::uint64_t> add(std::span<const std::string> devices, std::int64_t utc_ms);
+  std::uint64_t add(const std::string& device, std::int64_t utc_ms);
+  /// Adds the other devices of a file with the marker, which counts for them too: it is removed
+  /// when their numbers are written.
+  void add_behind(std::int64_t utc_ms);
   bool write(const std::map<std::string, std::uint64_t>& numbers, Meaning meaning);
-  void mark_as_behind();
-  void mark_as_known();
 
   const StoreConfig config_;
   StoreDisk& disk_;
   std::optional<SQLite::Statement> insert_;
   std::map<std::string, Numbers> numbers_;
+  std::map<std::string, Found> found_;
   bool is_short_ = false;
   const DurableFile behind_;  ///< marker: the database lacks some numbers
   bool is_behind_ = false;    ///< the marker exists

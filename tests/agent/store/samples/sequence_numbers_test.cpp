@@ -4,6 +4,7 @@
 
 #include <filesystem>
 
+#include "tests/agent/store/power_cut.h"
 #include "tests/agent/store/shelf.h"
 
 namespace fxagent {
@@ -176,6 +177,60 @@ TEST(SequenceNumbers, FirstNumbersOfARunOnAFullDiskAreNotUsedAgain) {
   }
   shelf.open(5);
   EXPECT_GT(shelf.begin(5), static_cast<std::uint64_t>(kLater));
+}
+
+TEST(SequenceNumbers, NumbersOfADeviceThatJoinsOnAFullDiskAreNotUsedAgain) {
+  const std::vector<std::string> both{"a", "b"};
+  OpenShelf shelf;
+  shelf.store->numbers().begin(both, kNow);
+  shelf.store->close();
+  shelf.open(5);
+  shelf.begin(5);
+  std::uint64_t last = 0;
+  {
+    const DiskLimit full(1000);
+    last = shelf.store->numbers().join(std::vector<std::string>{"b"}, 5)[0];
+    shelf.store->numbers().used("b", ++last);
+  }
+  shelf.open(5);
+  EXPECT_GT(shelf.store->numbers().begin(both, 5)[1], last);
+}
+
+TEST(SequenceNumbers, NumbersOfAFileThatOpenedAreKnownIfTheDiskFailsAfterwards) {
+  PowerCut disk;
+  OpenShelf shelf;
+  const std::uint64_t last = shelf.begin();
+  shelf.store->close();
+  shelf.open(5);
+  disk.set_failing(true);
+  EXPECT_EQ(shelf.begin(5), last);
+}
+
+TEST(SequenceNumbers, MarkCountsForAFileThatOpensLate) {
+  const std::vector<std::string> both{"a", "b"};
+  OpenShelf shelf;
+  const std::uint64_t last =
+      shelf.store->numbers().begin(both, kNow)[0] + 2 * SequenceNumbers::kBlock;
+  {
+    const DiskLimit full(1000);
+    for (const std::string& device : both) shelf.store->numbers().used(device, last);
+  }
+  shelf.store.reset();
+  const std::string away = shelf.config.path + "-away";
+  std::filesystem::rename(shelf.config.path, away);
+  shelf.block();
+  shelf.open(5);
+  shelf.begin(5);
+  shelf.store->upkeep(kStart, 5);
+  std::filesystem::remove(shelf.config.path);
+  std::filesystem::rename(away, shelf.config.path);
+  shelf.store->upkeep(kStart + 10s, 10005);
+  const auto late = shelf.store->take_found_late();
+  ASSERT_TRUE(late);
+  EXPECT_GT(late->numbers.at("a"), last);
+  EXPECT_FALSE(std::filesystem::exists(shelf.config.path + "/fxagent.db.behind"));
+  shelf.open(5);  // after a crash
+  for (const std::uint64_t begun : shelf.store->numbers().begin(both, 5)) EXPECT_GT(begun, last);
 }
 
 TEST(SequenceNumbers, NumbersThatTheDiskRefusedAreNoneBeforeTheClock) {
