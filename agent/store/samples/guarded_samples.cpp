@@ -134,9 +134,7 @@ DiskGuard::Work GuardedSamples::take_up(std::int64_t utc_ms) {
   return [this, utc_ms, joined = std::move(waiting.joined), last = std::move(waiting.used)] {
     numbers_.join(joined, utc_ms);
     for (const auto& [device, seq] : last) numbers_.used(device, seq);
-    if (last.empty()) return;
-    numbers_.write_all();
-    numbers_.refused();
+    if (!last.empty()) numbers_.write_all();
   };
 }
 

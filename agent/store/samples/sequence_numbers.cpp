@@ -16,6 +16,7 @@ void SequenceNumbers::load(SQLite::Database& database) {
                   " CASE excluded.clean WHEN 1 THEN excluded.last_seq"
                   " ELSE max(last_seq, excluded.last_seq) END, clean = excluded.clean");
   is_behind_ = ::access(behind_.path().c_str(), F_OK) == 0;
+  is_mark_refused_ = false;
   found_.clear();
   SQLite::Statement all(database, "SELECT name, last_seq, clean FROM devices");
   sqlite::each(all, [this](const SQLite::Statement& row) {
@@ -67,14 +68,17 @@ void SequenceNumbers::add_behind(std::int64_t utc_ms) {
 void SequenceNumbers::used(const std::string& device, std::uint64_t seq) {
   Numbers& numbers = numbers_[device];
   numbers.last = std::max(numbers.last, seq);
-  if (config_.sync_always) return refused();  // each commit of samples writes their numbers
+  if (config_.sync_always) {  // each commit of samples writes their numbers
+    if (asks_disk(device, seq)) refused();
+    return;
+  }
   if (seq + kBlock / 2 <= numbers.reserved) return;
   is_short_ = true;  // upkeep() reserves for all devices at once, before the other half is used
   if (seq >= numbers.reserved) reserve();
 }
 
 bool SequenceNumbers::asks_disk(const std::string& device, std::uint64_t seq) const {
-  if (config_.sync_always) return !disk_.is_writable() && !is_behind_;
+  if (config_.sync_always) return !disk_.is_writable() && !is_behind_ && !is_mark_refused_;
   const auto known = numbers_.find(device);
   return known == numbers_.end() || seq >= known->second.reserved;
 }
@@ -104,6 +108,7 @@ void SequenceNumbers::write_all() {
     all[device] = config_.sync_always ? numbers.last : numbers.reserved;
   if (!write(all, Meaning::reserved)) return refused();
   if (std::exchange(is_behind_, false)) behind_.remove();
+  is_mark_refused_ = false;
 }
 
 void SequenceNumbers::write_last() {
@@ -121,6 +126,7 @@ void SequenceNumbers::refused() {
   if (is_behind_ || disk_.is_writable() || !(config_.sync_always || disk_.is_open())) return;
   // An empty file has room even on a full disk.
   is_behind_ = behind_.write({}).empty();
+  is_mark_refused_ = !is_behind_;
 }
 
 std::map<std::string, std::uint64_t> SequenceNumbers::above_ours() {

@@ -85,8 +85,9 @@ class SequenceNumbers final : public StorePart {
   std::map<std::string, Numbers> numbers_;
   std::map<std::string, Found> found_;
   bool is_short_ = false;
-  const DurableFile behind_;  ///< marker: the database lacks some numbers
-  bool is_behind_ = false;    ///< the marker exists
+  const DurableFile behind_;      ///< marker: the database lacks some numbers
+  bool is_behind_ = false;        ///< the marker exists
+  bool is_mark_refused_ = false;  ///< it could not be made; write_all() tries again
 };
 
 }  // namespace fxagent

@@ -120,7 +120,7 @@ TEST(SequenceNumbers, WithAlwaysNumbersThatTheDiskRefusedAreNotUsedAgain) {
   EXPECT_EQ(shelf.begin(), next);
 }
 
-TEST(SequenceNumbers, MarkThatCouldNotBeMadeIsMadeWithALaterNumber) {
+TEST(SequenceNumbers, MarkThatCouldNotBeMadeIsMadeWhenTheDiskIsTriedAgain) {
   Shelf shelf;
   shelf.config.sync_always = true;
   shelf.open();
@@ -131,8 +131,12 @@ TEST(SequenceNumbers, MarkThatCouldNotBeMadeIsMadeWithALaterNumber) {
     const DiskLimit full(1000);
     shelf.store->numbers().used("a", ++last);
     ASSERT_FALSE(shelf.add(rows(last, last)));
+    EXPECT_FALSE(shelf.store->numbers().asks_disk("a", ++last)) << "not with every sample";
     std::filesystem::remove(in_the_way);
-    shelf.store->numbers().used("a", ++last);
+    shelf.store->numbers().used("a", last);
+    EXPECT_FALSE(std::filesystem::exists(shelf.config.path + "/fxagent.db.behind"));
+    shelf.store->upkeep(kStart, kNow);
+    shelf.store->upkeep(kStart + 10s, kNow);
   }
   shelf.open(5);
   EXPECT_GT(shelf.begin(5), last);
