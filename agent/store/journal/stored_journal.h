@@ -37,8 +37,8 @@ class StoredJournal final : public CommandJournal, public StorePart {
   std::optional<JournalEntry> find(const std::string& device, const std::string& id) override;
   std::vector<KnownId> known_ids(const std::string& device = {}) override;
   std::vector<JournalEntry> unacknowledged(const std::string& device = {}) override;
-  /// True if one of these has failed for all devices, but the file is not damaged. Until this call
-  /// they return nothing more. Call them again when the disk is writable.
+  /// True if a call without a device has failed, but the file is not damaged. Until this call they
+  /// return nothing more. Call them again when the disk is writable.
   bool take_unread() { return std::exchange(is_unread_, false); }
 
   /// Bytes of commands in the file: as committed, and as the open commit will leave them.

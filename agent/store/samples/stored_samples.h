@@ -55,7 +55,7 @@ class StoredSamples final : public StorePart {
   /// The streams of its rows. Memory only.
   const SampleStreams& streams() const { return streams_; }
   std::uint64_t rows() const override { return streams_.rows(); }
-  /// Rows found in files that opened, or that were damaged after these rows.
+  /// Rows of earlier runs that were counted at open, also of a file whose damage was found later.
   std::uint64_t recovered() const { return recovered_; }
   /// Rows dropped since the last call, by device: for lack of room, for age, damaged, or lost with
   /// their file.
