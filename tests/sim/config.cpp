@@ -2,11 +2,14 @@
 
 #include <algorithm>
 #include <charconv>
+#include <chrono>
 #include <cstdint>
 #include <initializer_list>
 #include <limits>
 #include <map>
+#include <memory>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "tests/sim/json_keys.h"
 #include "tests/sim/memory.h"
@@ -434,6 +437,22 @@ std::vector<PlcConfig> parse_config(const json& root) {
     for (std::size_t n = 0; n < times; ++n) take(repetition(entry, n), where);
   }
   return plcs;
+}
+
+PlcConfig recorded_plc(Recording recording, std::string place) {
+  if (place.empty()) {
+    if (recording.wire.starts_with("serial"))
+      throw ConfigError("--at: the recording is of a serial line; give pty=PATH or tcp=PORT");
+    place = recording.wire.starts_with("udp") ? "udp=0" : "tcp=0";
+  }
+  // The recording answers. The protocol only has to allow the line.
+  const std::string protocol = place.starts_with("udp") ? "mc-3e" : "fx-programming-port";
+  const json form =
+      plc_from_short_form("name=" + recording.link + ",baud=0,protocol=" + protocol + "," + place);
+  auto plc = parse_config(json{{"plcs", json::array({form})}}).front();
+  plc.response.turnaround = std::chrono::milliseconds(0);  // the recording has its own
+  plc.recording = std::make_shared<const Recording>(std::move(recording));
+  return plc;
 }
 
 std::unique_ptr<Personality> make_personality(const PlcConfig& plc) {

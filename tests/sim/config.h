@@ -69,6 +69,9 @@ struct PlcConfig {
 std::vector<PlcConfig> parse_config(const nlohmann::json& root);
 /// Converts "name=p1,model=FX3U,pty=/tmp/p1,baud=9600" to an entry of "plcs".
 nlohmann::json plc_from_short_form(std::string_view text);
+/// Returns the line of a recording as a PLC. `place`: "pty=PATH", "tcp=PORT" or "udp=PORT"; empty:
+/// a free TCP or UDP port, as the recorded line had.
+PlcConfig recorded_plc(Recording recording, std::string place);
 
 /// Creates the implementation of the PLC's protocol.
 std::unique_ptr<Personality> make_personality(const PlcConfig& plc);

@@ -352,5 +352,21 @@ TEST(Config, ShortFormIsTheSameObject) {
   EXPECT_THROW(plc_from_short_form("name=p,fast"), ConfigError);
 }
 
+TEST(Config, ARecordingIsPlayedOnEveryKindOfLine) {
+  Recording recording;
+  recording.link = "line1";
+  recording.wire = "udp 10.0.0.7:5007";
+  EXPECT_EQ(recorded_plc(recording, "udp=5008").line.udp, 5008);
+  EXPECT_EQ(recorded_plc(recording, "").line.udp, 0);
+  EXPECT_EQ(recorded_plc(recording, "tcp=5007").line.tcp, 5007);
+  const auto plc = recorded_plc(recording, "pty=/tmp/x");
+  EXPECT_EQ(plc.line.pty, "/tmp/x");
+  EXPECT_EQ(plc.name, "line1");
+  EXPECT_EQ(plc.response.turnaround, milliseconds(0));
+  ASSERT_NE(plc.recording, nullptr);
+  recording.wire = "serial /dev/x 9600 7E1";
+  EXPECT_THROW(recorded_plc(recording, ""), ConfigError);
+}
+
 }  // namespace
 }  // namespace fxsim

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "tests/sim/config.h"
+#include "tests/sim/recorded.h"
 #include "tests/sim/simulator.h"
 
 namespace {
@@ -28,25 +29,6 @@ std::vector<fxsim::PlcConfig> load(const std::string& file, const std::vector<st
   for (const auto& form : forms) root["plcs"].push_back(fxsim::plc_from_short_form(form));
   if (root["plcs"].empty() && !from.empty()) return {};
   return fxsim::parse_config(root);
-}
-
-/// Returns the line of a recording as a PLC. `at`: "pty=PATH", "tcp=PORT" or "udp=PORT"; empty: a
-/// free TCP or UDP port.
-fxsim::PlcConfig recorded(const std::string& file, const std::string& at) {
-  const auto recording = std::make_shared<fxsim::Recording>(fxsim::read_recording(file));
-  std::string place = at;
-  if (place.empty()) {
-    if (recording->wire.starts_with("serial"))
-      throw fxsim::ConfigError(
-          "--at: the recording is of a serial line; give pty=PATH or tcp=PORT");
-    place = recording->wire.starts_with("udp") ? "udp=0" : "tcp=0";
-  }
-  const nlohmann::json form =
-      fxsim::plc_from_short_form("name=" + recording->link + ",model=FX3U,baud=0," + place);
-  auto plc = fxsim::parse_config(nlohmann::json{{"plcs", nlohmann::json::array({form})}}).front();
-  plc.response.turnaround = std::chrono::milliseconds(0);  // the recording has its own
-  plc.recording = recording;
-  return plc;
 }
 
 }  // namespace
@@ -86,7 +68,7 @@ int main(int argc, char** argv) {
   try {
     auto plcs = load(config, forms, from);
     if (!from.empty()) {
-      plcs.push_back(recorded(from, at));
+      plcs.push_back(fxsim::recorded_plc(fxsim::read_recording(from), at));
       plcs.back().line_of = plcs.size() - 1;
     }
     for (auto& plc : plcs) plc.line.listen = listen;

@@ -191,7 +191,7 @@ class Played(Recorded):
         self.agent.stop()
         port = self.sim.ports.get("press1")
         self.sim.stop()
-        self.play(path, "--at", f"pty={plc['pty']}" if "pty" in plc else f"tcp={port}")
+        self.play(path, "--at", f"pty={plc['pty']}" if "pty" in plc else f"{'udp' if 'udp' in plc else 'tcp'}={port}")
         since = self.start_again()
         self.assertEqual(self.course(tag, 5, since), before)
 
@@ -209,6 +209,13 @@ class Played(Recorded):
              "groups": [{"name": "fast", "interval_ms": 100}],
              "tags": [tag("a", "hr:0"), tag("b", "hr:7")]},
             "b", "hr:7")
+
+    def test_a_plc_on_udp_is_played_with_equal_values(self):
+        port = free_port()
+        self.played_equals(
+            {"name": "press1", "protocol": "mc-3e", "udp": port, "memory": {"D100": 5, "D200": 9}},
+            {"name": "line1", "udp": {"host": "127.0.0.1", "port": port}},
+            device(tags=TAGS, protocol="mc-3e", model="FX5U"), "temp", "D100")
 
     def test_a_recording_becomes_a_transcript(self):
         self.begin([self.plc(memory={"D100": 234})], [device()])
