@@ -255,6 +255,9 @@ asio::awaitable<void> LinkCommands::run_next() {
   recorder_.ended(result, device.config.name);
   link_.outbox.push(std::move(result));
   running_.pop_back();
+  // stop() closes the bus of a command that takes too long. That is no loss.
+  if (state_.is_stopping() && !link_.bus.is_open()) co_return;
+  state_.check_bus();
   state_.update(device);
 }
 

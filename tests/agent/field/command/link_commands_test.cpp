@@ -84,6 +84,13 @@ struct LinkCommandsTest : ScriptedBusTest {
     ScriptedBusTest::open();
     state->opened();
   }
+  /// Opens the line, and lets the device answer a command.
+  void be_online() {
+    open();
+    add("first", {1});
+    run_next();
+    EXPECT_EQ(outbox.take().states.size(), 1U);
+  }
   /// Lets the PLC execute RUN and STOP too.
   void answer_run_and_stop() {
     wire->then([this](ByteView request) {
@@ -285,6 +292,31 @@ TEST_F(CycleOfTwoReads, LinkLostInACommandTakesTheOldValueWithIt) {
   ASSERT_EQ(results.size(), 1U);
   EXPECT_EQ(results[0].status, CommandStatus::unknown_outcome);
   EXPECT_EQ(telemetry[0].readings.at(0).value, number(50));
+}
+
+TEST_F(LinkCommandsTest, LinkLostInACommandIsOfflineForThatReason) {
+  be_online();
+  wire->expect(write_frame(kD200, word(50))).hang_up();
+  add("write", {0});
+  run_next();
+  ASSERT_FALSE(bus->is_open());
+  const std::vector<DeviceStatus> states = outbox.take().states;
+  ASSERT_EQ(states.size(), 1U);
+  EXPECT_EQ(states[0].reason, "link_down");
+  EXPECT_EQ(states[0].reason_text, bus->channel().why_lost());
+}
+
+TEST_F(LinkCommandsTest, LinkThatAStopClosesUnderACommandIsNotLost) {
+  be_online();
+  wire->expect(write_frame(kD200, word(50))).call([this] {
+    state->stop(Reason::shutting_down);
+    commands->end();
+    bus->close();
+  });
+  add("write", {0});
+  run_next();
+  EXPECT_TRUE(outbox.take().states.empty());
+  EXPECT_TRUE(state->is_up());
 }
 
 TEST_F(CycleOfTwoReads, FaultInACommandTakesTheOldValueWithIt) {
