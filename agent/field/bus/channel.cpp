@@ -30,15 +30,15 @@ asio::awaitable<Channel::Received> Channel::open(nanoseconds listening) {
   Received received;
   if (!opened) {
     received.error = opened.error();
-    co_return received;
+  } else {
+    ++session_;
+    // A serial server delivers a late answer to the current connection. A PLC on a serial port
+    // answers whichever program has it open. An earlier program may have sent its last request just
+    // now. Answers to another port do not reach this one.
+    if (!transport_->can_renew())
+      received = co_await listen(transport_->now() + listening, kQuietAfterOpen);
   }
-  ++session_;
-  // Answers to another port do not reach this one.
-  if (transport_->can_renew()) co_return received;
-  // A serial server delivers a late answer to the current connection. A PLC on a serial port
-  // answers whichever program has it open. An earlier program may have sent its last request just
-  // now.
-  received = co_await listen(transport_->now() + listening, kQuietAfterOpen);
+  open_ended_ = transport_->now();
   co_return received;
 }
 

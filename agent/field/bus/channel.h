@@ -59,6 +59,8 @@ class Channel final {
   /// Incremented each time the channel opens. A handshake with a device is valid for one session
   /// only.
   std::uint32_t session() const { return session_; }
+  /// Returns the end of the last open(), successful or not.
+  SteadyTime open_ended() const { return open_ended_; }
   /// True if anything was answered in the current or last session; or in any session.
   bool was_answered() const { return answered_; }
   bool was_ever_answered() const { return ever_answered_; }
@@ -77,6 +79,7 @@ class Channel final {
  private:
   std::unique_ptr<Transport> transport_;
   std::uint32_t session_ = 0;
+  SteadyTime open_ended_{};
   bool never_silent_ = false;
   bool answered_ = false;  ///< in this session
   bool ever_answered_ = false;

@@ -85,7 +85,7 @@ void LinkCommands::answer_running() {
     for (const AdmittedTarget& target : running.admitted.targets)
       if (!target.requests.empty())
         poller_.overwritten(*running.device, *span_of(target.point), nullptr, BadReason::link_down);
-    recorder_.ended(result, running.device->config.name);
+    recorder_.ended(result, running.device->config.name, std::nullopt);
     link_.outbox.push(std::move(result));
   }
   running_.clear();
@@ -252,7 +252,9 @@ asio::awaitable<void> LinkCommands::run_next() {
   if (admitted.run_request && result.status == CommandStatus::succeeded)
     device.state.set_run(admitted.command.op == Op::run);
   result.frames = std::move(trace);
-  recorder_.ended(result, device.config.name);
+  // The bound does not cover an opening.
+  const bool met_opening = link_.bus.channel().open_ended() > admitted.queued;
+  recorder_.ended(result, device.config.name, met_opening ? std::nullopt : result.bound);
   link_.outbox.push(std::move(result));
   running_.pop_back();
   // stop() closes the bus of a command that takes too long. That is no loss.

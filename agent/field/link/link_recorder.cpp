@@ -23,16 +23,17 @@ void LinkRecorder::check_link(std::uint64_t bad_frames, bool is_up, const std::s
   was_up_ = is_up;
 }
 
-void LinkRecorder::ended(const CommandResult& result, const std::string& device) {
+void LinkRecorder::ended(const CommandResult& result, const std::string& device,
+                         std::optional<std::chrono::nanoseconds> bound) {
   if (!ring_) return;
   const std::string command =
       "command " + (result.id.empty() ? "without id" : result.id) + " for " + device;
   if (result.status == CommandStatus::unknown_outcome)
     recorder_->anomaly(link_.name, "UNKNOWN_OUTCOME: " + command);
-  if (result.bound && result.queue + result.wire > *result.bound)
+  if (bound && result.queue + result.wire > *bound)
     recorder_->anomaly(link_.name, "over its bound: " + command + " took " +
                                        whole_ms(result.queue + result.wire) + " of " +
-                                       whole_ms(*result.bound) + " ms");
+                                       whole_ms(*bound) + " ms");
 }
 
 }  // namespace fxagent

@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "agent/config/model.h"
@@ -54,8 +55,10 @@ class LinkRecorder final {
   /// Compares the link with the previous call: a link that went down and a burst of bad frames are
   /// anomalies.
   void check_link(std::uint64_t bad_frames, bool is_up, const std::string& why_down);
-  /// Takes the result of a command: UNKNOWN_OUTCOME and a result after its bound are anomalies.
-  void ended(const CommandResult& result, const std::string& device);
+  /// Takes the result of a command: UNKNOWN_OUTCOME and a result after `bound` are anomalies.
+  /// nullopt: no bound applies.
+  void ended(const CommandResult& result, const std::string& device,
+             std::optional<std::chrono::nanoseconds> bound);
 
  private:
   FlightRecorder* const recorder_;

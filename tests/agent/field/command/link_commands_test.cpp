@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <stdexcept>
 
 #include "agent/commands/result.h"
@@ -11,6 +12,7 @@
 #include "tests/agent/field/fake_port.h"
 #include "tests/agent/field/late_wire.h"
 #include "tests/agent/field/port_frames.h"
+#include "tests/support/scratch.h"
 
 namespace fxagent::test {
 namespace {
@@ -447,6 +449,56 @@ struct LineOfUnknownSpeed : LinkCommandsTest {
 TEST_F(LineOfUnknownSpeed, HasNoBound) {
   add("a", {0});
   EXPECT_FALSE(commands->waiting().front().admitted.bound);
+}
+
+/// With a recorder, on a line so fast that every command exceeds its bound.
+struct RecordedCommands : LinkCommandsTest {
+  RecordedCommands()
+      : LinkCommandsTest(nanoseconds(1),
+                         [](DeviceConfig& device) { device.turnaround = milliseconds(0); }) {
+    files = std::make_unique<FlightRecorder>(
+        FlightRecorder::Settings{.directory = scratch.path("recordings"),
+                                 .ring_bytes = FrameRing::kLeastBytes,
+                                 .most_files = 10,
+                                 .most_bytes = 1 << 20,
+                                 .follows = std::chrono::hours(1)});
+    recording = std::make_unique<LinkRecorder>(files.get(), config.links[0]);
+    commands = std::make_unique<LinkCommands>(
+        io.get_executor(), LinkParts{config.links[0], 0, *bus, scheduler, devices, outbox}, *state,
+        *poller, *recording);
+  }
+  /// Ends the recorder. Returns true if it has written a file.
+  bool has_recorded() {
+    files.reset();
+    for (const auto& entry : std::filesystem::directory_iterator(scratch.path("recordings")))
+      if (entry.path().extension() == kRecordingSuffix) return true;
+    return false;
+  }
+
+  const Scratch scratch;
+  std::unique_ptr<FlightRecorder> files;
+  std::unique_ptr<LinkRecorder> recording;
+};
+
+TEST_F(RecordedCommands, OneOverItsBoundIsAnAnomaly) {
+  open();
+  add("write", {0});
+  run_next();
+  EXPECT_TRUE(has_recorded());
+}
+
+TEST_F(RecordedCommands, OneThatWaitedForTheOpeningIsNone) {
+  add("write", {0});
+  open();
+  run_next();
+  bus->close();
+  add("opens it", {0});
+  run_next();
+  wire->refuse_open("no such device");
+  bus->close();
+  add("does not open it", {0});
+  run_next();
+  EXPECT_FALSE(has_recorded());
 }
 
 TEST_F(LinkCommandsTest, ReadsAreThoseThatTheBoundCounts) {

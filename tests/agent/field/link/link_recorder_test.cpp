@@ -43,10 +43,10 @@ struct LinkRecorderTest : testing::Test {
     out.status = status;
     out.queue = milliseconds(20);
     out.wire = took - out.queue;
-    out.bound = milliseconds(100);
     return out;
   }
 
+  static constexpr milliseconds kBound{100};
   const test::Scratch scratch;
   LinkConfig config;
   std::unique_ptr<FlightRecorder> recorder;
@@ -57,8 +57,8 @@ TEST_F(LinkRecorderTest, AWorkingLinkIsNoAnomaly) {
   link->check_link(0, false, "not opened yet");
   link->check_link(0, true, "");
   link->check_link(FrameBurst::kFrames - 1, true, "");
-  link->ended(result(CommandStatus::succeeded, milliseconds(100)), "press1");
-  link->ended(result(CommandStatus::rejected, milliseconds(100)), "press1");
+  link->ended(result(CommandStatus::succeeded, milliseconds(100)), "press1", kBound);
+  link->ended(result(CommandStatus::rejected, milliseconds(100)), "press1", kBound);
   EXPECT_EQ(reason(), "");
 }
 
@@ -74,12 +74,12 @@ TEST_F(LinkRecorderTest, ABurstOfBadFramesIs) {
 }
 
 TEST_F(LinkRecorderTest, AnUnknownOutcomeIs) {
-  link->ended(result(CommandStatus::unknown_outcome, milliseconds(50)), "press1");
+  link->ended(result(CommandStatus::unknown_outcome, milliseconds(50)), "press1", kBound);
   EXPECT_EQ(reason(), "UNKNOWN_OUTCOME: command c1 for press1");
 }
 
 TEST_F(LinkRecorderTest, ACommandOverItsBoundIs) {
-  link->ended(result(CommandStatus::succeeded, milliseconds(101)), "press1");
+  link->ended(result(CommandStatus::succeeded, milliseconds(101)), "press1", kBound);
   EXPECT_EQ(reason(), "over its bound: command c1 for press1 took 101 of 100 ms");
 }
 
