@@ -43,6 +43,13 @@ std::string nak_text(const Exchange& exchange) {
   return exchange.reply.text.empty() ? "nak: the protocol gives no reason" : exchange.reply.text;
 }
 
+/// Returns what came in place of an ACK of a write that was carried out, for people.
+std::string no_ack_text(const Exchange& lost) {
+  if (lost.is_nak()) return "a refusal that leaves the outcome open";
+  const bool silent = lost.outcome == Exchange::Outcome::unanswered && lost.received.empty();
+  return silent ? "no answer" : "no valid answer (" + lost.error + ")";
+}
+
 /// Returns the number of parts that progress counts: elements of an array, characters of a string,
 /// otherwise requests.
 std::uint32_t parts_of(const AdmittedTarget& target) {
@@ -374,7 +381,8 @@ asio::awaitable<void> CommandExecution::settle_unknown(const AdmittedTarget& tar
   // If the channel was lost, the outcome stays unknown. A channel closed to put it in order is
   // reopened.
   if (lost.outcome == Exchange::Outcome::link_down) co_return;
-  co_await read_outcome(target, "no answer, but the value read back is the one to be written", out);
+  co_await read_outcome(
+      target, no_ack_text(lost) + ", but the value read back is the one to be written", out);
 }
 
 asio::awaitable<void> CommandExecution::read_outcome(const AdmittedTarget& target,

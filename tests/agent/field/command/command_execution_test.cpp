@@ -184,6 +184,17 @@ TEST_F(CommandExecutionTest, SilenceIsSettledByReadingBackEqual) {
   ASSERT_TRUE(result.targets[0].verify);
   EXPECT_TRUE(result.targets[0].verify->match);
   EXPECT_EQ(result.attempts, 1);
+  EXPECT_EQ(result.detail, "no answer, but the value read back is the one to be written");
+}
+
+TEST_F(CommandExecutionTest, CutAnswerIsNotToldAsSilence) {
+  wire->expect(kWrite50).give({0x02}).silence();
+  wire->expect(kEnq).give(kAck).expect(kProbe).give(kRunning);
+  wire->expect(kReadBack).give(word_frame(50));
+  const std::string detail = run(write_50_unverified()).detail;
+  EXPECT_TRUE(detail.starts_with("no valid answer (")) << detail;
+  EXPECT_NE(detail.find("these bytes are not one: 02"), std::string::npos) << detail;
+  EXPECT_TRUE(detail.ends_with("), but the value read back is the one to be written")) << detail;
 }
 
 TEST_F(CommandExecutionTest, SilenceAndAnotherValueIsUnknown) {
@@ -217,6 +228,7 @@ TEST_F(CommandExecutionTest, NonsenseInsteadOfAnAckIsSettledLikeSilence) {
   EXPECT_EQ(result.status, CommandStatus::succeeded);
   EXPECT_EQ(result.plc, PlcAnswer::none);
   EXPECT_EQ(result.attempts, 1);
+  EXPECT_TRUE(result.detail.starts_with("no valid answer (")) << result.detail;
 }
 
 // The ACK was a late one; the NAK after it is the PLC's real answer to this write.

@@ -149,6 +149,7 @@ TEST_F(CommandOnTheBusTest, RefusalThatLeavesTheEffectOpenIsSettledByReadingBack
     EXPECT_EQ(result.plc, PlcAnswer::none);
     EXPECT_TRUE(result.targets[0].verify && result.targets[0].verify->match);
     EXPECT_EQ(result.attempts, 1) << "never a second time";
+    EXPECT_TRUE(result.detail.starts_with("a refusal ")) << result.detail;
   }
 }
 
