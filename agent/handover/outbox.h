@@ -46,8 +46,8 @@ class Outbox final {
   void push(DeviceStatus status);
   void push(FieldHealth health);
 
-  /// Sets whether samples are waiting for the broker. While they do, groups without an interval
-  /// pause; all other groups keep their intervals. Uplink thread.
+  /// Sets whether samples are waiting for the broker, or it is away. Groups without an interval are
+  /// then polled about once a second; all other groups keep their intervals. Uplink thread.
   void set_backed_up(bool backed_up) { backed_up_.store(backed_up, std::memory_order_relaxed); }
   bool is_backed_up() const { return backed_up_.load(std::memory_order_relaxed); }
 

@@ -238,7 +238,7 @@ void Publisher::keep_session(SteadyTime now) {
 }
 
 void Publisher::press_back(SteadyTime now) {
-  outbox_.set_backed_up(samples_.is_backed_up());
+  outbox_.set_backed_up(samples_.is_backed_up() || !session_.is_connected());
   intake_.hold({.is_on = session_.is_connected() && !shutdown_.has_begun(),
                 .results_are_full = results_.is_full(),
                 .awaits_suback = subscriptions_.awaits_suback(),

@@ -44,6 +44,7 @@ struct GroupPoll {
 
   PollCycle cycle;
   PollScheduler::GroupId id = 0;
+  SteadyTime began{};                      ///< start of the last cycle
   std::uint32_t holes_version = 0;         ///< HoleMap::version() when the plan was made
   std::chrono::nanoseconds turnaround{0};  ///< the device's own time when the plan was made
   /// Reads of the running cycle that were refused because something is missing, and their line

@@ -19,8 +19,10 @@ using Knowledge = ModelQuestions::Knowledge;
 // Rest of a group without an interval if its plan has no reads: its device's model cannot read its
 // tags, or refuses them all.
 constexpr milliseconds kNothingToRead{1000};
-// Rest of a group without an interval while it is faster than the broker.
+// A group without an interval that is faster than the broker rests at least this long, and longer
+// while that lasts. It begins a cycle about this often, also while the broker is away.
 constexpr std::chrono::microseconds kUplinkRest{500};
+constexpr milliseconds kBehindInterval{1000};
 // An overload ends when the line has a little to spare, so that the log stays quiet at the edge.
 constexpr double kOverloadOver = 0.95;
 // The RUN state is read this soon after it is due, however busy the groups keep the line.
@@ -86,10 +88,14 @@ asio::awaitable<void> Poller::run(PollScheduler::PollStep step) {
 bool Poller::begin_cycle(LinkDevice& device, GroupPoll& group,
                          const PollScheduler::PollStep& step) {
   const bool free_running = group.cycle.settings().interval.count() == 0;
-  if (free_running && link_.outbox.is_backed_up()) {
-    link_.scheduler.group(group.id).abandon_cycle(Clock::now() + kUplinkRest);
+  const SteadyTime now = Clock::now();
+  const nanoseconds since = now - group.began;
+  if (free_running && link_.outbox.is_backed_up() && since < kBehindInterval) {
+    link_.scheduler.group(group.id).abandon_cycle(now +
+                                                  std::max<nanoseconds>(kUplinkRest, since / 4));
     return false;
   }
+  group.began = now;
   plans_.refresh(device, group);
   group.cycle.begin(link_.bus.doubt().findings());
   group.refusals = 0;

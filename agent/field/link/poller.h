@@ -55,7 +55,7 @@ class Poller final {
 
  private:
   SteadyTime first_time() const;
-  /// Begins the cycle. False: it does not begin now, because the broker is behind.
+  /// Begins the cycle. False: it does not begin now, because the broker is behind or away.
   bool begin_cycle(LinkDevice& device, GroupPoll& group, const PollScheduler::PollStep& step);
 
   asio::awaitable<void> read_group(LinkDevice& device, GroupPoll& group,

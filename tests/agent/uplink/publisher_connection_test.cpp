@@ -32,6 +32,16 @@ SteadyTime::duration until_next_connect(Bench& bench) {
 using PublisherConnectionOnlineTest = test::OnBenchOnline;
 using PublisherConnectionTest = test::OnBench;
 
+TEST_F(PublisherConnectionOnlineTest, GroupsWithoutAnIntervalSlowDownWhileTheBrokerIsAway) {
+  EXPECT_FALSE(bench.outbox.is_backed_up());
+  bench.broker.vanish();
+  bench.lose_connection();
+  EXPECT_TRUE(bench.outbox.is_backed_up());
+  bench.advance(2s);
+  ASSERT_TRUE(bench.broker.up());
+  EXPECT_FALSE(bench.outbox.is_backed_up());
+}
+
 TEST_F(PublisherConnectionOnlineTest, PublishThatFindsNoConnectionIsALoss) {
   bench.broker.vanish();
   bench.broker.believes = true;

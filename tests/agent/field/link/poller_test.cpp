@@ -141,17 +141,22 @@ TEST_F(PortPolls, StoppedPollSaysNothing) {
   EXPECT_TRUE(telemetry.empty());
 }
 
-TEST_F(PortPolls, GroupWithoutAnIntervalRestsWhileTheBrokerIsBehind) {
+TEST_F(PortPolls, GroupWithoutAnIntervalIsPolledOnceASecondWhileTheBrokerIsBehind) {
   start();
   step();
   ASSERT_EQ(telemetry.size(), 1U);
   outbox.set_backed_up(true);
+  GroupPoll& group = *devices[0]->groups[0];
+  group.began += std::chrono::hours(1);
   const std::size_t asked = plc.asked().size();
   step();
   EXPECT_EQ(plc.asked().size(), asked);
   EXPECT_EQ(scheduler.next(now).kind, PollScheduler::Job::Kind::wait);
-  outbox.set_backed_up(false);
+  group.began = std::chrono::steady_clock::now() - std::chrono::seconds(1);
   steps_until([&] { return telemetry.size() == 2; });
+  group.began += std::chrono::hours(1);
+  outbox.set_backed_up(false);
+  steps_until([&] { return telemetry.size() == 3; });
 }
 
 TEST_F(PortPolls, WrittenTagIsPublishedWhereItsGroupIsPolled) {
