@@ -35,7 +35,9 @@ struct Rules {
 };
 constexpr std::string_view kListen =
     R"({"pattern": "^(([0-9.]+|localhost|\\[[0-9A-Fa-f:.]+\\]):[0-9]{1,5}|unix:/[^\\u0000-\\u001f\\u007f]{1,106}|.*\\$\\{.*)$"})";
-constexpr std::string_view kHost = R"({"pattern": "^[^ /@\\[\\]\\u0000-\\u001f\\u007f]+$|\\$\\{"})";
+// A host of digits and dots is an IPv4 address.
+constexpr std::string_view kHost =
+    R"({"pattern": "^(?![0-9.]+$)[^ /@\\[\\]\\u0000-\\u001f\\u007f]+$|^((25[0-5]|2[0-4][0-9]|1[0-9]{2}|[1-9]?[0-9])(\\.(?!$)|$)){4}$|\\$\\{"})";
 constexpr std::array kRules{
     Rules{"agent.root",
           R"({"maxLength": 256,

@@ -97,6 +97,15 @@ std::optional<HttpConfig> read_listen(ConfigReader& reader, const ConfigNode& no
 
 }  // namespace
 
+std::string_view number_fault(const std::string& host) {
+  in_addr ignored{};
+  const bool is_number = !host.empty() && (host.find_first_not_of("0123456789.") == host.npos ||
+                                           ::inet_aton(host.c_str(), &ignored) != 0);
+  if (!is_number || is_address(AF_INET, host)) return {};
+  return "is no IPv4 address: it needs four numbers from 0 to 255 without leading zeros, as in "
+         "192.0.2.10";
+}
+
 std::optional<HttpConfig> read_http(ConfigReader& reader, const ConfigNode& top) {
   const ConfigNode* page = reader.object(top, config_key("http"));
   const ConfigNode* metrics = reader.object(top, config_key("metrics"));

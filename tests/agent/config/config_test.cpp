@@ -497,6 +497,21 @@ TEST(Config, LineSettingsOutOfRangeAreRefused) {
   good(changed("/links/1/tcp/host", R"("::1")"));
 }
 
+TEST(Config, HostOfNumbersIsAnAddressOfFourDecimalNumbers) {
+  for (const std::string host :
+       {"127.000.000.010", "10.0.0.08", "127.1", "2130706433", "192.168.1", "192.168.1.300",
+        "256.1.1.1", "192.168.1.10.", "1.2.3.4.5", "0x7f000001", "0x7f.1", "."}) {
+    expect_refused("/links/1/tcp/host", "\"" + host + "\"", {host, "without leading zeros"});
+    expect_error(
+        changed("/links/2", R"({"name": "u1", "udp": {"host": ")" + host + R"(", "port": 1}})"),
+        "/links/2/udp/host", {host, "without leading zeros"});
+    expect_refused("/mqtt/servers/0", "\"mqtt://" + host + ":1883\"", {"without leading zeros"});
+  }
+  for (const std::string host : {"0.0.0.0", "192.168.100.255", "10.0.0.1.example", "0xcafe.example",
+                                 "3com", "1-2", "fe80::1"})
+    good(changed("/links/1/tcp/host", "\"" + host + "\""));
+}
+
 TEST(Config, LinkIsEitherSerialOrTcpOrUdp) {
   expect_error(changed("/links/0/tcp", R"({"host": "b", "port": 1})"), "/links/0",
                {"needs", "udp"});

@@ -118,6 +118,7 @@ TEST(ConfigSchema, WhatIsRightPassesBoth) {
     "/links/1/parity": ["odd"], "/links/1/poll_share_percent": [90],
     "/links/2": [{"name": "l3", "udp": {"host": "a", "port": 5007}},
       {"name": "l3", "udp": {"host": "::1", "port": 1, "local_port": 65535}}],
+    "/links/1/tcp/host": ["0.0.0.0", "192.168.100.255", "10.0.0.1.example", "3com"],
     "/devices": [[]],
     "/devices/0/model": ["auto"], "/devices/0/enquire": ["never"],
     "/devices/0/command_set": ["classic"], "/devices/0/max_block_bytes": [2, 254],
@@ -141,7 +142,7 @@ TEST(ConfigSchema, VariablesInFreeTextPassBoth) {
   const auto from = environment({{"V", "1"}});
   expect_right(spoiled, R"({
     "/agent/id": ["edge${V}"], "/agent/root": ["${V}/a"],
-    "/mqtt/servers/0": ["mqtt://${V}"], "/mqtt/username": ["${V}"],
+    "/mqtt/servers/0": ["mqtt://a${V}"], "/mqtt/username": ["${V}"],
     "/store/path": ["/s/${V}"],
     "/links/0/serial/path": ["/dev/tty${V}"],
     "/links/1/tcp/host": ["a${V}"],
@@ -175,7 +176,9 @@ TEST(ConfigSchema, WhatIsWrongFailsBoth) {
     "/links/0/serial/rs485": [true, {"rts": true}, {"delay_before_ms": 101}],
     "/links/0/serial/path": [""],
     "/links/1": [{"name": "gw1", "tcp": {"host": "a", "port": 1}, "data_bits": 8}],
-    "/links/1/tcp/port": [65536], "/links/1/tcp/host": ["a/b", "[::1]"],
+    "/links/1/tcp/port": [65536],
+    "/links/1/tcp/host": ["a/b", "[::1]", "127.000.000.010", "127.1", "192.168.1.300", "256.1.1.1", "1.2.3.4.",
+      "1.2.3.4.5", "1.2.3.04"],
     "/links/1/udp": [{"host": "a", "port": 1}],
     "/links/2": [{"name": "l3", "udp": {"host": "a"}},
       {"name": "l3", "udp": {"host": "a/b", "port": 1}},
@@ -200,7 +203,7 @@ TEST(ConfigSchema, WhatIsWrongFailsBoth) {
 TEST(ConfigSchema, WhatOnlyTheLoaderCanFindFailsThere) {
   for (const Snippet& snippet : snippets(R"({
     "/mqtt/username": ["${FX_NO_SUCH}"], "/mqtt/password": ["x"],
-    "/mqtt/servers/0": ["mqtt://a:0"],
+    "/mqtt/servers/0": ["mqtt://a:0", "mqtt://127.000.000.010"], "/links/1/tcp/host": ["0x7f000001"],
     "/links/1/name": ["line1"],
     "/links/2": [{"name": "l3", "serial": {"path": "/dev/ttyUSB0"}}],
     "/devices/0/link": ["line2"],
