@@ -20,6 +20,9 @@ tl::expected<std::string, std::string_view> normal_server(std::string_view serve
   if (server.find('@') != server.npos)
     return tl::unexpected(
         "must not contain a user or a password; put them into username and password_file"sv);
+  if (server.find('/') != server.npos)
+    return tl::unexpected(
+        "must be only scheme, host and port, as in mqtt://broker:1883; remove the / after it"sv);
   std::size_t host_end = 0;
   if (server.starts_with('[')) {
     host_end = server.find(']');

@@ -345,6 +345,11 @@ TEST(Config, ServersAreSchemeHostAndPort) {
     expect_refused("/mqtt/servers/0", "\"" + std::string(server) + "\"", {});
 }
 
+TEST(Config, PathOfAServerIsRefusedByItsSlash) {
+  for (const auto* server : {"mqtt://127.0.0.1:21883/", "mqtt://a/", "mqtt://[::1]:1883/x"})
+    expect_refused("/mqtt/servers/0", "\"" + std::string(server) + "\"", {"remove the /"});
+}
+
 TEST(Config, PasswordInTheServersAddressIsRefusedAndNotQuoted) {
   const auto errors = errors_of(changed("/mqtt/servers/0", R"("mqtt://u:hunter2@a")"));
   expect_error(errors, "/mqtt/servers/0", {"password_file"});
