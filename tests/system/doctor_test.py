@@ -78,6 +78,17 @@ class Doctor(PlantTest):
         self.assertEqual(said.count("gone"), 1, said)
         self.assertNotIn("tag good", said)
 
+    def test_a_tag_that_the_device_lacks_in_a_read_of_several_places(self):
+        self.start_sim([{"name": "q", "protocol": "mc-4e", "model": "iQ-R", "tcp": 0, "holes": ["D100-D105"]}])
+        tags = [{"name": "gone", "address": "D100"}, {"name": "good", "address": "D500"}, {"name": "start", "address": "X20"}]
+        path = config_file(self.directory, [tcp_link(self.sim.ports["q"])],
+                           [device("q", protocol="mc-4e", model="iQ-R", tags=tags)])
+        status, said, errors = fxagent("doctor", path)
+        self.assertEqual(status, 4, said + errors)
+        self.assertIn("a read of 3 places in one frame, the first ", said)
+        self.assertIn("FAULT: tag gone: the device does not return 2 bytes at D100; correct the address", said)
+        self.assertEqual(said.count("FAULT"), 1, said)
+
     def test_who_made_the_device(self):
         self.start_sim([self.rtu(identity=["Sunny Meters", "M2\u001b[31m", "V1.7"])])
         status, said, errors = fxagent("doctor", self.write(self.meter()))

@@ -28,6 +28,7 @@
 #include "agent/line_time.h"
 #include "agent/log/log.h"
 #include "agent/process/port_access.h"
+#include "agent/text/text.h"
 #include "protocol/checklist.h"
 #include "protocol/plan/plan.h"
 #include "protocol/plc.h"
@@ -197,24 +198,31 @@ struct ReadSizes {
   std::uint32_t limit = 0;     ///< the smallest parts in which a refused read is answered
 };
 
-/// Tries one planned read, and notes a refusal. `tags` are those of its group.
-void judge_read(ExaminedDevice& examined, const PlannedRead& planned,
-                const std::vector<const TagConfig*>& tags, ReadSizes& sizes, Diagnosis& diagnosis) {
-  const Read& whole = planned.read;
-  if (whole.gather != 0) return;
-  const auto answer = examined.ask(whole);
-  if (answer.kind == ProbeAnswer::Kind::data)
-    sizes.answered = std::max(sizes.answered, whole.span.bits);
+/// Tries one exchange of the plan, and notes a refusal. `tags` are those of its group.
+void judge_reads(ExaminedDevice& examined, const Plan& plan, ReadIndices exchange,
+                 const std::vector<const TagConfig*>& tags, ReadSizes& sizes,
+                 Diagnosis& diagnosis) {
+  const auto answer = examined.ask(plan.request(exchange));
+  const Read& first = plan.reads[exchange.front()].read;
+  const bool is_one_block = first.gather == 0;
+  if (answer.kind == ProbeAnswer::Kind::data && is_one_block)
+    sizes.answered = std::max(sizes.answered, first.span.bits);
   if (answer.kind != ProbeAnswer::Kind::refused) return;
   const std::string place =
-      examined.codec->addresses().name_of({whole.span.space, whole.span.first_bit, 1});
-  diagnosis.note("a read of " + bytes_text(whole.span.bits) + " at " + place +
+      examined.codec->addresses().name_of({first.span.space, first.span.first_bit, 1});
+  diagnosis.note("a read of " +
+                 (is_one_block ? bytes_text(first.span.bits) + " at " + place
+                               : counted(exchange.size(), "place") + " in one frame, the first " +
+                                     place + ",") +
                  " is refused: " + answer.text);
-  if (const std::uint32_t fits = examined.answered_in_parts(whole, sizes.limit); fits != 0)
+  const std::uint32_t fits = is_one_block ? examined.answered_in_parts(first, sizes.limit) : 0;
+  if (fits != 0) {
     sizes.limit = sizes.limit == 0 ? fits : std::min(sizes.limit, fits);
-  else
-    for (const std::uint32_t each : planned.points)
-      judge_tag(examined, whole, *tags[each], diagnosis);
+    return;
+  }
+  for (const std::uint32_t read : exchange)
+    for (const std::uint32_t each : plan.reads[read].points)
+      judge_tag(examined, plan.reads[read].read, *tags[each], diagnosis);
 }
 
 /// Tries every read of the plan.
@@ -233,8 +241,8 @@ void judge_blocks(ExaminedDevice& examined, std::chrono::nanoseconds char_time,
     const Plan plan =
         make_plan(*examined.codec, points, cost_of(device, char_time, device.turnaround),
                   device.max_block_bytes);
-    for (const PlannedRead& planned : plan.reads)
-      judge_read(examined, planned, tags, sizes, diagnosis);
+    for (const auto& exchange : plan.exchanges)
+      judge_reads(examined, plan, exchange, tags, sizes, diagnosis);
   }
   if (sizes.answered != 0) diagnosis.note("reads blocks of " + bytes_text(sizes.answered));
   if (sizes.limit == 0) return;
