@@ -308,6 +308,9 @@ ImportedDevice new_device(std::string_view name, std::string_view link, std::str
 ImportedDevice& add_device(Imported& out, LinkTable& links, const ImportOptions& options,
                            std::string_view name, std::string_view usual_protocol) {
   const std::string_view protocol = options.protocol.empty() ? usual_protocol : options.protocol;
+  if (options.protocol.empty())
+    out.note(0, std::string(name) + ": the protocol is assumed to be " + std::string(protocol) +
+                    "; addresses depend on it, such as X10: set another with --protocol");
   const std::string link =
       options.port.empty() ? links.to_placeholder(protocol, 0) : links.to(options.port, protocol);
   ImportedDevice& device = out.devices.emplace_back(new_device(name, link, protocol));

@@ -17,7 +17,7 @@ TEST(GxComments, GxDeveloperHasCommasAndLabels) {
       "X0,START,Start button\r\n"
       "X1,STOPB,\r\n"
       "D100,,\"Oil temperature, tank 1\"\r\n",
-      import_gx_comments, {"press1", "", "FX3U", "/dev/ttyUSB3"});
+      import_gx_comments, {"press1", "fx-programming-port", "FX3U", "/dev/ttyUSB3"});
   ASSERT_EQ(made.config["devices"].size(), 1U) << all_of(made.notes);
   const auto& device = made.config["devices"][0];
   EXPECT_EQ(device["name"], "press1");
@@ -39,6 +39,7 @@ TEST(GxComments, GxWorks2HasTabsAndATitle) {
   EXPECT_EQ(made.config["devices"][0]["tags"].size(), 2U);
   expect_note(made, {"0: left out: 1 device without a comment"});
   expect_note(made, {"the link is a placeholder"});
+  expect_note(made, {"plc1: the protocol is assumed to be fx-programming-port", "--protocol"});
 }
 
 TEST(GxComments, GxWorks3HasAColumnForEachLanguage) {

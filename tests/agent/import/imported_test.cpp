@@ -187,8 +187,8 @@ TEST(FinishedImport, ModelThatTheUsualProtocolDoesNotReachNamesTheOption) {
   options.model = "FX5U";
   options.port = "192.0.2.20:5007";
   const auto outcome = finish(*import_gx_comments("Device Name,Comment\nD0,speed\n", options));
-  ASSERT_EQ(outcome.notes.size(), 1U);
-  const std::string& note = outcome.notes[0].text;
+  ASSERT_EQ(outcome.notes.size(), 2U);
+  const std::string& note = outcome.notes[1].text;
   EXPECT_TRUE(note.starts_with("left out: the device plc1: model: fx-programming-port does not"))
       << note;
   EXPECT_TRUE(note.ends_with(" (--protocol names the protocol)")) << note;
