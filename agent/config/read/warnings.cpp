@@ -81,16 +81,25 @@ void warn_of_lines(ConfigReader& reader, const ConfigNode& links,
   for (const DeviceConfig& device : config.devices) {
     if (device.link >= lines.size() || device.protocol == nullptr || device.codec == nullptr)
       continue;
+    const ConfigNode& link = links.children[device.link];
+    const std::string model = model_of(*device.codec);
+    const bool is_module = model == "Q" || model == "L";  // of mc-1e
+    const auto* udp = std::get_if<UdpSettings>(&config.links[device.link].channel);
+    if (udp != nullptr && udp->local_port == 0 && device.protocol->name == "mc-1e" && !is_module &&
+        !judged[device.link]) {
+      judged[device.link] = true;
+      reader.warn(*link.find("udp"),
+                  "has no local_port: an FX3 answers over UDP only the port that "
+                  "its entry in the Open Setting names; set local_port to that");
+    }
     const SerialSettings& line = lines[device.link];
     if (line.baud == 0) continue;
-    const ConfigNode& link = links.children[device.link];
     const ConfigNode* serial = link.find("serial");
     const ConfigNode* speed = serial != nullptr ? serial->find("baud") : link.find("line_baud");
     const ConfigNode& at = speed != nullptr ? *speed : link;
     const ProtocolInfo& protocol = *device.protocol;
     if (!judged[device.link]) warn_of_protocol(reader, link, at, line, protocol);
     judged[device.link] = true;
-    const std::string model = model_of(*device.codec);
     const bool is_fast =
         model.empty() || protocol.most_speed == 0 || contains(protocol.fast_models, model);
     if (!is_fast && line.baud > protocol.most_speed && knows(protocol, line.baud))

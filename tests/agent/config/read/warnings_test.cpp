@@ -167,6 +167,33 @@ TEST(ConfigWarnings, SpeedThatTheModelDoesNotReachIsTold) {
   }
 }
 
+TEST(ConfigWarnings, AnFx3OverUdpWithoutALocalPortIsTold) {
+  const auto found = [](const char* protocol, const char* model, const char* udp) {
+    auto plant = small_plant();
+    plant["links"] = nlohmann::json::array({{{"name", "eth1"}}});
+    plant["links"][0]["udp"] = nlohmann::json::parse(udp);
+    plant["devices"] = nlohmann::json::array();
+    for (const char* name : {"press1", "press2"})
+      plant["devices"].push_back({{"name", name},
+                                  {"link", "eth1"},
+                                  {"protocol", protocol},
+                                  {"model", model},
+                                  {"pc", name[5] - '0'}});
+    return warnings_of(plant.dump());
+  };
+  const char* any = R"({"host": "192.0.2.20", "port": 5001})";
+  for (const char* model : {"auto", "FX3U"}) {
+    const auto warnings = found("mc-1e", model, any);
+    ASSERT_EQ(warnings.size(), 1U) << model;
+    expect_says(warnings[0], "/links/0/udp");
+    expect_says(warnings[0], "set local_port");
+  }
+  EXPECT_TRUE(found("mc-1e", "Q", any).empty());
+  EXPECT_TRUE(found("mc-3e", "FX5U", any).empty());
+  EXPECT_TRUE(found("mc-1e", "FX3U", R"({"host": "192.0.2.20", "port": 5001, "local_port": 5001})")
+                  .empty());
+}
+
 TEST(ConfigWarnings, ProgrammingPortThatIsNot7E1IsTold) {
   for (const char* serial :
        {R"("data_bits":8,"parity":"none")", R"("parity":"odd")", R"("stop_bits":2)"}) {
