@@ -63,6 +63,7 @@ constexpr std::string_view kOurName = "fxagent";
 
 /// Returns why the agent that runs `file` cannot use this port; empty if it can.
 std::string why_no_port(const std::string& path, const std::string& file) {
+  if (is_no_port(path)) return shown(path) + " is not a serial port";
   if (::access(path.c_str(), R_OK | W_OK) != 0) {
     const int error = errno;
     return shown(path) + " cannot be opened: " + std::generic_category().message(error) +

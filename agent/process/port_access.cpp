@@ -172,10 +172,18 @@ std::string in_use(const std::string& path) {
 
 }  // namespace
 
+bool is_no_port(const std::string& path) {
+  constexpr unsigned kMemoryDevices = 1;  // /dev/null and its like
+  struct stat file {};
+  return ::stat(path.c_str(), &file) == 0 &&
+         (!S_ISCHR(file.st_mode) || major(file.st_rdev) == kMemoryDevices);
+}
+
 std::optional<PortHolder> port_holder(const std::string& path) {
   struct stat file {};
   std::array<char, PATH_MAX> real{};
-  if (::stat(path.c_str(), &file) != 0 || ::realpath(path.c_str(), real.data()) == nullptr)
+  if (is_no_port(path) || ::stat(path.c_str(), &file) != 0 ||
+      ::realpath(path.c_str(), real.data()) == nullptr)
     return std::nullopt;
   auto pid = holder_by_lock(file);
   if (!pid) pid = holder_by_files(real.data());

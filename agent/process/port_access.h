@@ -16,8 +16,13 @@ struct PortHolder {
   std::string text() const { return program + ", pid " + std::to_string(pid); }
 };
 
-/// Returns another process that has the file open, as far as this user may see it: from
-/// /proc/locks, and otherwise from /proc/*/fd. Takes some ms; does not open the port.
+/// True if the path exists and cannot be a serial port: a file, a directory, or a device such as
+/// /dev/null. Does not open it.
+bool is_no_port(const std::string& path);
+
+/// Returns another process that has the port open, as far as this user may see it: from
+/// /proc/locks, and otherwise from /proc/*/fd. nullopt if is_no_port(). Takes some ms; does not
+/// open the port.
 std::optional<PortHolder> port_holder(const std::string& path);
 
 /// True if the file is an argument of the process, under any name. False if this user may not see

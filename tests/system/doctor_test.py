@@ -199,6 +199,14 @@ class Doctor(PlantTest):
             server.shutdown(socket.SHUT_RDWR)
         self.assertEqual(status, 1, said + errors)
 
+    def test_scan_takes_only_serial_ports(self):
+        status, _, errors = fxagent("scan", "127.0.0.1:502")
+        self.assertEqual(status, 2, errors)
+        self.assertIn("scan takes only serial ports", errors)
+        status, _, errors = fxagent("scan", "/dev/null")
+        self.assertEqual(status, 1, errors)
+        self.assertIn("/dev/null is not a serial port", errors)
+
     def test_scan_prints_a_section_that_works(self):
         self.start_sim([self.plc("press1", baud=9600, strict_line=True)])
         status, said, errors = fxagent("scan", self.pty("press1"))

@@ -87,6 +87,8 @@ bool finds(LineProbe& probe, const std::string& port, const Guess& guess) {
 
 int run_scan(const std::string& port) {
   log::set_level(log::Level::error);
+  if (port.find('/') == port.npos && port.find(':') != port.npos)
+    return refused(port, "scan takes only serial ports, such as /dev/ttyUSB0");
   if (const auto holder = port_holder(port))
     return refused(port, "another program uses it: " + holder->text() + "; end it first", kHeld);
   const std::vector<Guess> guesses = all_guesses();

@@ -1,6 +1,11 @@
 #include "agent/config/machine.h"
 
 #include <gtest/gtest.h>
+#include <pty.h>
+#include <unistd.h>
+
+#include <array>
+#include <string>
 
 #include "tests/support/other_program.h"
 #include "tests/support/says.h"
@@ -19,6 +24,24 @@ Config config_with(const std::string& path) {
   return config;
 }
 
+class Pty final {
+ public:
+  Pty() { EXPECT_EQ(::openpty(&maker_, &port_, path_.data(), nullptr, nullptr), 0); }
+  Pty(const Pty&) = delete;
+  Pty& operator=(const Pty&) = delete;
+  ~Pty() {
+    ::close(port_);
+    ::close(maker_);
+  }
+  std::string path() const { return path_.data(); }
+  int maker() const { return maker_; }
+
+ private:
+  int maker_ = -1;
+  int port_ = -1;
+  std::array<char, 64> path_{};
+};
+
 TEST(SerialPorts, OneThatIsNotThereIsNamed) {
   const test::Scratch scratch;
   const auto found = unavailable_ports(config_with(scratch.path("ttyNone")), "agent.json");
@@ -28,15 +51,26 @@ TEST(SerialPorts, OneThatIsNotThereIsNamed) {
 }
 
 TEST(SerialPorts, OneThatAnotherProgramHasIsNamedWithIt) {
-  const test::Scratch scratch;
-  const Config config = config_with(scratch.write("ttyUSB0", ""));
+  const Pty pty;
+  const Config config = config_with(pty.path());
   EXPECT_TRUE(unavailable_ports(config, "agent.json").empty());
-  const OtherProgram other(scratch.path("ttyUSB0"));
+  const OtherProgram other(pty.path(), OtherProgram::Holds::open, pty.maker());
   const auto found = unavailable_ports(config, "agent.json");
   ASSERT_EQ(found.size(), 1U);
   EXPECT_EQ(found[0].pointer, "/links/1/serial/path");
   test::expect_says(found[0].text, "is in use by another program: config_test, pid " +
                                        std::to_string(other.pid()));
+}
+
+TEST(SerialPorts, WhatIsNoPortIsNamed) {
+  const test::Scratch scratch;
+  const OtherProgram other("/dev/null");
+  for (const std::string& path :
+       {scratch.write("file", ""), scratch.directory().string(), std::string("/dev/null")}) {
+    const auto found = unavailable_ports(config_with(path), "agent.json");
+    ASSERT_EQ(found.size(), 1U) << path;
+    EXPECT_EQ(found[0].text, path + " is not a serial port");
+  }
 }
 
 }  // namespace

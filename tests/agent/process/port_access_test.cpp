@@ -23,27 +23,35 @@ namespace {
 namespace fs = std::filesystem;
 using test::OtherProgram;
 
-/// A file in its own directory, as a port with a user's access rights and a holder.
+/// A pseudo-terminal with a name in its own directory.
 struct PortAccess : testing::Test {
-  PortAccess() { ::close(::open(port.c_str(), O_CREAT | O_RDWR | O_CLOEXEC, 0660)); }
+  PortAccess() {
+    std::array<char, 64> name{};
+    EXPECT_EQ(::openpty(&maker, &own, name.data(), nullptr, nullptr), 0);
+    fs::create_symlink(name.data(), port);
+  }
+  ~PortAccess() override {
+    ::close(own);
+    ::close(maker);
+  }
 
   const fs::path& directory() const { return scratch_.directory(); }
+  std::string scratch_file(const char* name) const { return scratch_.write(name, ""); }
 
  private:
   const test::Scratch scratch_;
 
  protected:
   const std::string port = scratch_.path("ttyUSB0");
+  int maker = -1;
+  int own = -1;  ///< this process has the port open
 };
 
 TEST_F(PortAccess, WhoHasItOpenIsFoundByWhateverNameItWasOpened) {
-  EXPECT_FALSE(port_holder(port));
-  const int own = ::open(port.c_str(), O_RDWR | O_CLOEXEC);
   EXPECT_FALSE(port_holder(port)) << "this process does not count";
-  ::close(own);
   const std::string by_id = (directory() / "by-id").string();
   fs::create_symlink("ttyUSB0", by_id);
-  const OtherProgram other(by_id);
+  const OtherProgram other(by_id, OtherProgram::Holds::open, maker);
   for (const std::string& name : {port, by_id}) {
     const auto holder = port_holder(name);
     ASSERT_TRUE(holder) << name;
@@ -57,20 +65,26 @@ TEST_F(PortAccess, WhoHasItOpenIsFoundByWhateverNameItWasOpened) {
 }
 
 TEST_F(PortAccess, TheMakerOfAPseudoTerminalIsNoHolder) {
-  int ours = -1;
-  int theirs = -1;
-  std::array<char, 64> name{};
-  ASSERT_EQ(::openpty(&ours, &theirs, name.data(), nullptr, nullptr), 0);
   {
-    const OtherProgram maker(name.data());  // has both ends, as this process does
-    EXPECT_FALSE(port_holder(name.data()));
+    const OtherProgram both(port);  // has both ends, as this process does
+    EXPECT_FALSE(port_holder(port));
   }
   {
-    const OtherProgram user(name.data(), OtherProgram::Holds::open, ours);
-    EXPECT_EQ(port_holder(name.data()).value().pid, user.pid());
+    const OtherProgram user(port, OtherProgram::Holds::open, maker);
+    EXPECT_EQ(port_holder(port).value().pid, user.pid());
   }
-  ::close(theirs);
-  ::close(ours);
+}
+
+TEST_F(PortAccess, WhatCannotBeAPortHasNoHolder) {
+  const std::string file = scratch_file("file");
+  const OtherProgram of_file(file);
+  const OtherProgram of_null("/dev/null");
+  for (const std::string& path : {file, directory().string(), std::string("/dev/null")}) {
+    EXPECT_TRUE(is_no_port(path)) << path;
+    EXPECT_FALSE(port_holder(path)) << path;
+  }
+  for (const std::string& path : {port, (directory() / "missing").string()})
+    EXPECT_FALSE(is_no_port(path)) << path;
 }
 
 TEST_F(PortAccess, WhatAProgramWasCalledWithIsFoundUnderAnyName) {
