@@ -6,6 +6,7 @@
 #include <cerrno>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <sstream>
 #include <string>
 #include <string_view>
@@ -151,10 +152,18 @@ ConfigErrors weak_secrets(const Config& config) {
 
 ConfigErrors unavailable_ports(const Config& config, const std::string& file) {
   ConfigErrors list;
+  std::map<std::filesystem::path, std::string> first;  // link of each port, without symbolic links
   for (std::size_t i = 0; i < config.links.size(); ++i) {
     const auto* serial = std::get_if<SerialSettings>(&config.links[i].channel);
     if (serial == nullptr) continue;
-    if (auto why = why_no_port(serial->path, file); !why.empty())
+    std::error_code unseen;
+    const auto [other, fresh] =
+        first.emplace(std::filesystem::canonical(serial->path, unseen), config.links[i].name);
+    if (!unseen && !fresh)
+      list.push_back({"/links/" + std::to_string(i) + "/serial/path", 0,
+                      shown(serial->path) + " is also the port of link " + other->second +
+                          ", by another name: put the devices of both on one link"});
+    else if (auto why = why_no_port(serial->path, file); !why.empty())
       list.push_back({"/links/" + std::to_string(i) + "/serial/path", 0, std::move(why)});
   }
   return list;

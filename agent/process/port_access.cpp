@@ -88,6 +88,7 @@ std::optional<int> holder_by_files(const std::string& real_path) {
 }
 
 /// Searches the locks, which every user may see: "1: FLOCK  ADVISORY  WRITE 4711 00:06:123 0 EOF".
+/// The holder may be this process.
 std::optional<int> holder_by_lock(const struct stat& file) {
   std::array<char, 64> wanted{};
   std::snprintf(wanted.data(), wanted.size(), "%02x:%02x:%lu", major(file.st_dev),
@@ -105,7 +106,7 @@ std::optional<int> holder_by_lock(const struct stat& file) {
     words >> number >> kind;
     if (kind == "->") continue;  // a process that waits for the lock above
     words >> advice >> access >> pid >> place;
-    if (place == wanted.data() && pid > 0 && pid != ::getpid()) return pid;
+    if (place == wanted.data() && pid > 0) return pid;
   }
   return std::nullopt;
 }
@@ -164,6 +165,10 @@ std::string no_permission(const std::string& path) {
 }
 
 std::string in_use(const std::string& path) {
+  struct stat file {};
+  if (::stat(path.c_str(), &file) == 0 && holder_by_lock(file) == ::getpid())
+    return " (another link of this agent uses it, perhaps by another name of the port: put the "
+           "devices of both on one link)";
   if (const auto holder = port_holder(path))
     return " (another program uses it: " + holder->text() + "; end it, or use another port)";
   return " (another program uses it, such as GX Works or another agent: as root, fuser -v " + path +
@@ -186,7 +191,7 @@ std::optional<PortHolder> port_holder(const std::string& path) {
       ::realpath(path.c_str(), real.data()) == nullptr)
     return std::nullopt;
   auto pid = holder_by_lock(file);
-  if (!pid) pid = holder_by_files(real.data());
+  if (!pid || pid == ::getpid()) pid = holder_by_files(real.data());
   if (!pid) return std::nullopt;
   return PortHolder{*pid, program_of(*pid)};
 }

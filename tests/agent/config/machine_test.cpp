@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <array>
+#include <filesystem>
 #include <string>
 
 #include "tests/support/other_program.h"
@@ -71,6 +72,21 @@ TEST(SerialPorts, WhatIsNoPortIsNamed) {
     ASSERT_EQ(found.size(), 1U) << path;
     EXPECT_EQ(found[0].text, path + " is not a serial port");
   }
+}
+
+TEST(SerialPorts, OneOfTwoNamesIsNamedAtTheSecondLink) {
+  const test::Scratch scratch;
+  const Pty pty;
+  Config config = config_with(pty.path());
+  config.links[1].name = "line1";
+  config.links.resize(4);
+  config.links[2].channel = SerialSettings{.path = scratch.path("missing1")};
+  config.links[3].channel = SerialSettings{.path = scratch.path("by-id")};
+  std::filesystem::create_symlink(pty.path(), scratch.path("by-id"));
+  const auto found = unavailable_ports(config, "agent.json");
+  ASSERT_EQ(found.size(), 2U);
+  EXPECT_EQ(found[1].pointer, "/links/3/serial/path");
+  test::expect_says(found[1].text, "is also the port of link line1");
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <grp.h>
 #include <gtest/gtest.h>
 #include <pty.h>
+#include <sys/file.h>
 #include <sys/prctl.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -85,6 +86,12 @@ TEST_F(PortAccess, WhatCannotBeAPortHasNoHolder) {
   }
   for (const std::string& path : {port, (directory() / "missing").string()})
     EXPECT_FALSE(is_no_port(path)) << path;
+}
+
+TEST_F(PortAccess, APortThatAnotherLinkOfThisProcessLockedIsNotBlamedOnAProgram) {
+  ASSERT_EQ(::flock(own, LOCK_EX), 0);
+  EXPECT_FALSE(port_holder(port));
+  test::expect_says(port_cure(port, EWOULDBLOCK), "(another link of this agent uses it");
 }
 
 TEST_F(PortAccess, WhatAProgramWasCalledWithIsFoundUnderAnyName) {
