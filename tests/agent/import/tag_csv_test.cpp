@@ -198,9 +198,11 @@ TEST(TagCsv, ARowOfADeviceThatIsNotThereIsTold) {
 }
 
 TEST(TagCsv, WhatIsNoNumberIsTold) {
-  const Made made = made_of("device,name,address,scale\nd,a,D0,x\nd,b,D1,2\n", import_tag_csv);
+  const Made made =
+      made_of("device,name,address,scale\nd,a,D0,x\nd,b,D1,2\nd,c,D2,\"0,1\"\n", import_tag_csv);
   EXPECT_EQ(made.config["devices"][0]["tags"].size(), 1U);
   expect_note(made, {"2: left out: scale must be a number, found \"x\""});
+  expect_note(made, {"found \"0,1\"; write a decimal point"});
 }
 
 TEST(TagCsv, BrokenJsonIsTold) {
