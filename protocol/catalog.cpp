@@ -305,6 +305,10 @@ void add_hints(ProtocolInfo& info) {
       "this one? Give the agent a line with a port of its own"};
   for (const std::string_view model : mc::model_names())
     info.model_hints.emplace_back(model, model == "Q" || model == "L" ? works2 : works3);
+  if (info.name != "mc-3e") return;
+  info.hints.silent = info.hints.silent.substr(0, info.hints.silent.find(" or a built-in port"));
+  for (auto& [model, hints] : info.model_hints)
+    hints.silent = hints.silent.substr(0, hints.silent.find("; is this a built-in port"));
 }
 
 ProtocolInfo mc_ethernet(std::string_view name, mc::Frame frame, std::string_view summary) {

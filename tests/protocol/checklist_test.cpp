@@ -107,6 +107,19 @@ TEST(Checklist, SerialServerHasTheLine) {
   EXPECT_OMITS(text, "of this port");
 }
 
+TEST(Checklist, OnlyADeviceOfAnotherProtocolIsAskedIfItNeeds3E) {
+  for (const std::string_view model : find_protocol("mc-3e")->models) {
+    const std::string text = text_of("mc-3e", {{"model", std::string(model)}}, tcp());
+    EXPECT_OMITS(text, "mc-3e");
+    expect_says(text, "`code` (binary)");
+  }
+  const std::string text = text_of("mc-3e", {}, tcp());
+  EXPECT_OMITS(text, "mc-3e");
+  expect_says(text, "is it an FX3 (it needs mc-1e)?");
+  for (const char* model : {"auto", "Q", "L"})
+    expect_says(text_of("mc-4e", {{"model", std::string(model)}}, tcp()), "(it needs mc-3e)");
+}
+
 TEST(Checklist, NeighboursThatAnswerNarrowItDown) {
   const std::string text =
       text_of("modbus-rtu", {{"unit", std::int64_t{5}}}, serial(), Answers::from_others);
