@@ -349,9 +349,7 @@ void print_text(const Reception& reception, const std::string& base) {
 int run_verify_stream(const Config& config, const VerifyStream& what) {
   log::set_level(log::Level::error);
   const std::string base = config.base_topic();
-  const bool keeps_numbers = !config.store.path.empty() && config.store.sync_always;
-  StreamCheck check(base, sending_devices(config),
-                    keeps_numbers ? BootSkip::is_loss : BootSkip::allowed);
+  StreamCheck check(base, sending_devices(config), boot_skip(config));
   Listener listener(connection_of(config.mqtt, what), base, std::move(check), what.listen,
                     names_for(what));
   const Reception reception = listener.run();

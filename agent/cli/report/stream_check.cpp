@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "agent/config/model.h"
 #include "agent/text/json.h"
 #include "agent/text/text.h"
 #include "agent/uplink/topics.h"
@@ -64,6 +65,11 @@ struct StreamCheck::Sample {
     return {};
   }
 };
+
+BootSkip boot_skip(const Config& config) {
+  const bool keeps_numbers = !config.store.path.empty() && config.store.sync_always;
+  return keeps_numbers && !config.pair ? BootSkip::is_loss : BootSkip::allowed;
+}
 
 void NumberRanges::add(NumberRange range) {
   numbers += range.last - range.first + 1;

@@ -18,6 +18,8 @@
 
 namespace fxagent {
 
+struct Config;
+
 /// Inclusive range of sequence numbers.
 struct NumberRange {
   std::uint64_t first = 0;
@@ -35,9 +37,12 @@ struct NumberRanges {
   void add(NumberRange range);
 };
 
-/// Says if a new boot may skip numbers. It may after a crash with `sync: offline`, or without a
-/// store.
+/// Says if a new boot may skip numbers. It may after a crash with `sync: offline`, without a store,
+/// and when a member of a pair takes over.
 enum class BootSkip : std::uint8_t { allowed, is_loss };
+
+/// Says if a new boot of the agent with this config may skip numbers.
+BootSkip boot_skip(const Config& config);
 
 struct DeviceStream {
   std::string device;

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
+#include "agent/config/model.h"
 #include "tests/support/effort.h"
 
 namespace fxagent {
@@ -188,6 +189,16 @@ TEST_F(StreamCheckTest, NewBootMayLeaveNumbersOutOnceButOnlyBetweenTheBoots) {
   EXPECT_EQ(bench.report().skipped.listed, (Ranges{{15, 1010}}));
   bench.live(1020, "b2");
   EXPECT_EQ(bench.report().missing.listed, (Ranges{{13, 13}, {1013, 1019}}));
+}
+
+TEST(StreamCheck, NewBootMaySkipUnlessEverySampleIsOnDiskOfAnAgentThatWorksAlone) {
+  Config config;
+  EXPECT_EQ(boot_skip(config), BootSkip::allowed);
+  config.store.path = "store";
+  config.store.sync_always = true;
+  EXPECT_EQ(boot_skip(config), BootSkip::is_loss);
+  config.pair.emplace();
+  EXPECT_EQ(boot_skip(config), BootSkip::allowed) << "each takeover skips about a million";
 }
 
 TEST(StreamCheck, NewBootLeavesNothingOutWhereEverySampleIsOnDisk) {
