@@ -5,7 +5,6 @@
 #include <bit>
 #include <charconv>
 #include <cmath>
-#include <limits>
 #include <optional>
 #include <string_view>
 #include <system_error>
@@ -158,9 +157,10 @@ template <class Float, class Pattern>
 Packed pack_float(const Point& point, const Scalar& scalar, Bytes& image, std::size_t bit) {
   const double value = as_double(scalar);
   const double raw = point.scaled() ? (value - point.offset) / point.scale : value;
-  if (!(std::abs(raw) <= double{std::numeric_limits<Float>::max()}))
+  const auto number = static_cast<Float>(raw);
+  if (!std::isfinite(number))
     return out_of_range(spelled(value) + " does not fit a " + std::string(to_string(point.type)));
-  const auto pattern = std::bit_cast<Pattern>(static_cast<Float>(raw));
+  const auto pattern = std::bit_cast<Pattern>(number);
   set_bits(image, bit, 8 * sizeof pattern, reordered(pattern, 8 * sizeof pattern, point.order));
   return {};
 }

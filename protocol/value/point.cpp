@@ -20,6 +20,9 @@ constexpr auto kBits = std::to_array<std::uint32_t>({1, 16, 16, 32, 32, 32, 16, 
 static_assert(kTypes.size() == static_cast<std::size_t>(DataType::float64) + 1);
 static_assert(kBits.size() == kTypes.size());
 
+/// The largest float32, with the digits that samples have.
+constexpr double kLargestSingle = 3.4028235e38;
+
 /// Returns the types that fit the address, the default one first.
 std::string types_of(const Address& address) {
   switch (address.unit) {
@@ -139,9 +142,9 @@ std::optional<ValueRange> value_range(const Point& point) {
     return std::nullopt;
   ValueRange range;
   if (is_float(point.type)) {
-    const double most = std::abs(point.scale) * (point.type == DataType::float32
-                                                     ? double{std::numeric_limits<float>::max()}
-                                                     : std::numeric_limits<double>::max());
+    const double most =
+        std::abs(point.scale) *
+        (point.type == DataType::float32 ? kLargestSingle : std::numeric_limits<double>::max());
     range.least = point.offset - most;
     range.greatest = point.offset + most;
     return range;

@@ -370,6 +370,17 @@ TEST(Pack, NumbersBecomeTheirImage) {
       "01 00 02 00");
 }
 
+TEST(Pack, LargestFloatIsTakenAsItIsPublished) {
+  const Point point = word_point(DataType::float32);
+  EXPECT_EQ(read(point, "FF FF 7F 7F"), real(3.4028235e38));
+  for (const double largest : {3.4028235e38, 3.4028234663852886e38, 3.40282356e38}) {
+    EXPECT_EQ(written(point, real(largest)), "FF FF 7F 7F");
+    EXPECT_EQ(written(point, real(-largest)), "FF FF 7F FF");
+  }
+  EXPECT_EQ(fault(point, real(3.4028236e38)), PackFault::out_of_range);
+  EXPECT_EQ(value_range(point)->greatest, 3.4028235e38);
+}
+
 TEST(Pack, IntegersBeyondTwoToThe53MayBeTexts) {
   const Point point = word_point(DataType::uint64);
   EXPECT_EQ(written(point, text("18446744073709551615")), "FF FF FF FF FF FF FF FF");
