@@ -14,6 +14,7 @@
 #include "agent/file_handle.h"
 #include "agent/log/log.h"
 #include "agent/text/json.h"
+#include "protocol/letter_case.h"
 
 namespace fxagent {
 namespace {
@@ -51,7 +52,7 @@ std::optional<std::string> name_of(std::string_view token, std::istream& file) {
 
 /// Returns the token of an Authorization; empty if it has none.
 std::string_view token_of(std::string_view authorization) {
-  if (!authorization.starts_with(kBearer)) return {};
+  if (!equal_but_for_case(authorization.substr(0, kBearer.size()), kBearer)) return {};
   authorization.remove_prefix(kBearer.size());
   return authorization.substr(0, authorization.find_last_not_of(' ') + 1);
 }

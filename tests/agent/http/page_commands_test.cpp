@@ -90,11 +90,20 @@ TEST_F(PageCommandsTest, UnreadableTokenFileRefusesAll) {
 TEST_F(PageCommandsTest, OnlyAWholeTokenCounts) {
   for (const std::string_view given :
        {"", "Bearer", "Bearer ", "Bearer 0123456789abcde", "Bearer 0123456789abcdef0",
-        "bearer 0123456789abcdef", "Basic 0123456789abcdef", "Bearer anna", "Bearer #",
+        "Bearer0123456789abcdef", "Basic 0123456789abcdef", "Bearer anna", "Bearer #",
+        "Bearer three", "Bearer words", "Bearer here1234567", "Bearer bob",
         "Bearer anna 0123456789abcdef", "0123456789abcdef"}) {
     HttpRequest one = request();
     one.authorization = given;
     EXPECT_EQ(refused(one), 401U) << given;
+  }
+}
+
+TEST_F(PageCommandsTest, SchemeMayBeInAnyCase) {
+  for (const std::string_view given : {"bearer 0123456789abcdef", "BEARER 0123456789abcdef"}) {
+    HttpRequest one = request();
+    one.authorization = given;
+    EXPECT_EQ(refused(one), 0U) << given;
   }
 }
 
