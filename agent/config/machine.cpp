@@ -79,23 +79,31 @@ std::string why_no_port(const std::string& path, const std::string& file) {
          "; end it, or use another port";
 }
 
-/// Returns why a token of the file can be guessed; empty if none can. A line is "NAME TOKEN" or
-/// "TOKEN", so a name alone is a token.
+/// Returns why a token of the file can be guessed, does not count, or stands for two names; empty
+/// if none does. A line is "NAME TOKEN" or "TOKEN", so a name alone is a token.
 std::string why_weak(const std::string& path) {
   constexpr std::size_t kShortest = 16;
   std::error_code ignored;
   if (!std::filesystem::is_regular_file(path, ignored)) return {};  // a FIFO would block
   std::ifstream file(path);
+  std::map<std::string, int> lines;  // by token
   int number = 0;
   for (std::string line; std::getline(file, line);) {
     ++number;
     std::istringstream words(line);
     std::string name;
     std::string token;
-    words >> name >> token;
-    if (name.starts_with('#')) continue;
+    std::string more;
+    words >> name >> token >> more;
+    if (name.empty() || name.starts_with('#')) continue;
+    const std::string place = shown(path) + ": line " + std::to_string(number);
+    if (!more.empty())
+      return place +
+             " is ignored, because it has more than a name and a token; no name has a space";
     if (token.empty()) token = name;
-    if (!token.empty() && token.size() < kShortest)
+    if (const auto [other, fresh] = lines.emplace(token, number); !fresh)
+      return place + " has the token of line " + std::to_string(other->second);
+    if (token.size() < kShortest)
       return shown(path) + ": the token in line " + std::to_string(number) +
              " can be guessed, because it has fewer than " + std::to_string(kShortest) +
              " characters; a line is NAME TOKEN or TOKEN";

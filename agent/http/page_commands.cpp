@@ -34,7 +34,8 @@ bool same(std::string_view one, std::string_view other) {
   return difference == 0;
 }
 
-/// Finds the token in the file. Each line is "NAME TOKEN" or "TOKEN"; # begins a comment. Returns
+/// Finds the token in the file. Each line is "NAME TOKEN" or "TOKEN"; # begins a comment. A
+/// line with more words is ignored: a name with a space would make a word of it the token. Returns
 /// the name, which may be empty; nullopt: the file has no such token.
 std::optional<std::string> name_of(std::string_view token, std::istream& file) {
   std::optional<std::string> found;
@@ -42,8 +43,9 @@ std::optional<std::string> name_of(std::string_view token, std::istream& file) {
     std::istringstream words(line);
     std::string name;
     std::string known;
-    words >> name >> known;
-    if (name.empty() || name.starts_with('#')) continue;
+    std::string more;
+    words >> name >> known >> more;
+    if (name.empty() || name.starts_with('#') || !more.empty()) continue;
     if (known.empty()) std::swap(name, known);
     if (same(known, token)) found = name;
   }

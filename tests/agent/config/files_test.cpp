@@ -201,6 +201,10 @@ TEST_F(ConfigFiles, TokensThatCanBeGuessedAreNamedByTheirLine) {
   expect_error(with("anna " + long_one + "\nbert\n"), "/http/token_file",
                {"line 2", "fewer than 16 characters", "NAME TOKEN or TOKEN"});
   expect_error(with("anna secret\n"), "/http/token_file", {"line 1"});
+  expect_error(with("bob three words here1234567\n"), "/http/token_file",
+               {"line 1", "more than a name and a token"});
+  expect_error(with("anna " + long_one + "\n\nbert " + long_one + "\n"), "/http/token_file",
+               {"line 3", "the token of line 1"});
 }
 
 TEST_F(ConfigFiles, PasswordFileGoesBeforeTheVariable) {

@@ -17,7 +17,8 @@ constexpr std::string_view kCommand =
 struct PageCommandsTest : testing::Test {
   PageCommandsTest() {
     std::ofstream file(scratch_.path("token"));
-    file << "# people\n\nanna  0123456789abcdef\nsecret-without-name\r\n";
+    file << "# people\n\nanna  0123456789abcdef\nsecret-without-name\r\n"
+            "bob three words here1234567\n";
   }
 
   PageCommands& commands() {
