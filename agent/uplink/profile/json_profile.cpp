@@ -40,7 +40,7 @@ void JsonProfile::hear(const Message& message) {
   const std::string base = config_.base_topic();
   const auto device = device_of(message.topic, base, "command");
   if (!device || !relay_) return;
-  if (message.payload.empty()) return;  // it clears a retained topic
+  if (only_clears(message, broker_of(config_, broker_))) return;
   if (!is_name(*device)) return ignore_command(message, "no device can have this name");
   if (is_for_link(config_, message, *device)) return;
   RelayedCommand command = relayed_command(message, std::string(*device), broker_);

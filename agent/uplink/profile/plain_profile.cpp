@@ -120,7 +120,7 @@ void PlainProfile::saw(const Telemetry& sample) {
 
 void PlainProfile::hear(const Message& message) {
   std::string topic = message.topic;
-  if (!topic.ends_with(kSet) || message.payload.empty()) return;
+  if (!topic.ends_with(kSet) || only_clears(message, broker_of(config_, broker_))) return;
   topic.resize(topic.size() - kSet.size());
   const auto found = writable_.find(topic);
   if (found == writable_.end())
@@ -134,8 +134,10 @@ void PlainProfile::hear(const Message& message) {
   // would read a NUL as the end of the text.
   const bool is_json =
       message.payload.find('\0') == std::string::npos && nlohmann::json::accept(message.payload);
-  command.payload = write_command(
-      new_id_(), tag, is_json ? message.payload : json::Writer().string(message.payload).take());
+  // Admission refuses an empty message: it is neither JSON nor a text for a tag.
+  if (!message.payload.empty())
+    command.payload = write_command(
+        new_id_(), tag, is_json ? message.payload : json::Writer().string(message.payload).take());
   relay_(std::move(command));
 }
 

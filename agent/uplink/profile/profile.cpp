@@ -12,6 +12,10 @@ void ignore_command(const Message& message, const std::string& note) {
   log::warn("command_ignored", {{"topic", log::excerpt(message.topic)}, {"note", note}});
 }
 
+bool only_clears(const Message& message, const MqttConfig& mqtt) {
+  return message.payload.empty() && (message.retained || mqtt.version != 5);
+}
+
 bool is_for_link(const Config& config, const Message& message, std::string_view name) {
   if (std::ranges::find(config.links, name, &LinkConfig::name) == config.links.end()) return false;
   ignore_command(message, "commands for links come from the broker of mqtt only");

@@ -76,6 +76,10 @@ class Profile : public SamplePayload {
 /// Logs that the message is not carried out, and why.
 void ignore_command(const Message& message, const std::string& note);
 
+/// True if a message from this broker only clears a retained topic, or may do so: MQTT 3.1.1 does
+/// not pass on the retain flag of a live message.
+bool only_clears(const Message& message, const MqttConfig& mqtt);
+
 /// True, and logged, if `name` is that of a link. Commands for links come from the broker of `mqtt`
 /// only.
 bool is_for_link(const Config& config, const Message& message, std::string_view name);

@@ -373,6 +373,22 @@ TEST_P(OutletResultsTest, ResultIsSentUntilTheBrokerHasIt) {
   }
 }
 
+TEST_P(OutletResultsTest, EmptyMessageIsACommandUnlessItMayOnlyClearTheTopic) {
+  const std::string topic =
+      is_plain_ ? "fx/plant-a/edge7/press1/setpoint/set" : "fx/plant-a/edge7/press1/command";
+  const auto hears = [&](bool retained) {
+    relayed_.clear();
+    broker_.send(test::message_on(topic, "", retained));
+    settle();
+    return !relayed_.empty();
+  };
+  EXPECT_TRUE(hears(false));
+  EXPECT_EQ(relayed_.at(0).payload, "") << "not a text for a tag";
+  EXPECT_FALSE(hears(true));
+  config_.mqtt.version = 4;
+  EXPECT_FALSE(hears(false)) << "MQTT 3.1.1 has no retain flag here";
+}
+
 TEST_P(OutletResultsTest, ResultThatTheBrokerWillNeverAcceptIsNotRepeated) {
   broker_.acknowledges = false;
   answer("one");
