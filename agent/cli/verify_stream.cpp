@@ -5,6 +5,7 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -326,7 +327,13 @@ void print_json(const Reception& reception, const std::string& base) {
   std::cout << dumped(out) << '\n';
 }
 
-void print_text(const Reception& reception, const std::string& base) {
+/// Returns the probable cause that the broker kept no messages.
+std::string_view why_unkept(const MqttConfig& mqtt) {
+  if (mqtt.version != 5) return "that needs mqtt.version 5";
+  return mqtt.qos == 0 ? "that needs mqtt.qos 1" : "is its persistence on?";
+}
+
+void print_text(const Reception& reception, const std::string& base, const MqttConfig& mqtt) {
   std::cout << base << " on " << reception.server << ", " << tenth(reception.listened->count())
             << " s\n";
   const Interruptions& away = reception.interruptions;
@@ -336,7 +343,7 @@ void print_text(const Reception& reception, const std::string& base) {
       std::cout << "the broker kept the messages\n";
     else
       std::cout << "in " << away.unkept
-                << " of them the broker kept no messages: is its persistence on?\n";
+                << " of them the broker kept no messages: " << why_unkept(mqtt) << '\n';
   }
   for (const DeviceStream& stream : reception.streams) print(stream);
   if (!has_samples(reception.streams))
@@ -358,7 +365,7 @@ int run_verify_stream(const Config& config, const VerifyStream& what) {
   if (what.as_json)
     print_json(reception, base);
   else
-    print_text(reception, base);
+    print_text(reception, base, config.mqtt);
   return reception.fault.empty() ? status_of(reception.streams) : kNotListened;
 }
 

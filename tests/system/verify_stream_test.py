@@ -223,6 +223,15 @@ class VerifyStream(PlantTest):
         self.assertIn("not provable: sent during an interruption, skipped by a new boot, or lost: 1: 101", text)
         self.assertRegex(text, "interruptions: 1, [0-9.]+ s; in 1 of them the broker kept no messages")
 
+    def test_messages_that_version_3_1_1_did_not_keep_are_no_fault_of_the_broker(self):
+        self.start_logging_broker(self.KEEPS_SESSIONS)
+        run = self.listening(path=self.config_of(version="3.1.1"))
+        self.live(100)
+        self.wait_heard()
+        self.restart_logging_broker()
+        _, text = run.stop()
+        self.assertIn("in 1 of them the broker kept no messages: that needs mqtt.version 5", text)
+
     def test_an_ended_listener_leaves_no_subscription_behind(self):
         self.start_logging_broker(self.KEEPS_SESSIONS)
         self.listening().stop()
