@@ -493,7 +493,7 @@ Json number_schema(const TagConfig& tag, Use use) {
   if (least) out["minimum"] = json_number(*least);
   if (greatest) out["maximum"] = json_number(*greatest);
   if (!may_be_text) return out;
-  return one_of({std::move(out), text("^-?[0-9]+$")});
+  return one_of({std::move(out), text("^(0|-?[1-9][0-9]*)$")});
 }
 
 Json element_schema(const TagConfig& tag, Use use) {

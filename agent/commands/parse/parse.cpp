@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdlib>
 #include <functional>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -210,18 +211,22 @@ void check_keys(const Json& command, std::optional<Op> op, Faults& faults) {
 
 // ---- values -------------------------------------------------------------------------------------
 
-/// True for an integer that a double holds exactly.
-bool is_exact_integer(const Json& json) {
-  if (json.is_number_unsigned())
-    return json.get<std::uint64_t>() <= std::uint64_t{json::kMaxExactInteger};
-  return json.is_number_integer() && json.get<std::int64_t>() >= -json::kMaxExactInteger;
+/// Returns an integer that a double holds exactly. A sender may write 2.0 or 1.79e12.
+std::optional<std::int64_t> exact_integer(const Json& json) {
+  if (!json.is_number()) return std::nullopt;
+  const auto number = json.get<double>();
+  if (std::abs(number) > static_cast<double>(json::kMaxExactInteger) ||
+      number != std::floor(number))
+    return std::nullopt;
+  const auto integer = json.get<std::int64_t>();
+  return std::abs(integer) > json::kMaxExactInteger ? std::nullopt : std::optional(integer);
 }
 
 void read_id(const Json& object, Command& command, Faults& faults) {
   const Json* id = given(object, "id");
   if (id == nullptr) return faults.add(Reason::missing_id, "no id");
-  if (is_exact_integer(*id)) {
-    command.id = id->dump();
+  if (const auto number = exact_integer(*id)) {
+    command.id = std::to_string(*number);
     command.id_is_number = true;
     return;
   }
@@ -269,8 +274,9 @@ void read_extent(const Json& object, CommandTarget& target, Faults& faults) {
        {std::pair("count", kMostElements), std::pair("length", kMostCharacters)}) {
     const Json* extent = given(object, key);
     if (extent == nullptr) continue;
-    if (is_exact_integer(*extent) && *extent >= 1 && *extent <= most)
-      target.count = extent->get<std::uint16_t>();
+    const auto number = exact_integer(*extent);
+    if (number && *number >= 1 && *number <= most)
+      target.count = static_cast<std::uint16_t>(*number);
     else
       faults.add(Reason::bad_value,
                  std::string(key) + " must be an integer from 1 to " + std::to_string(most));
@@ -380,10 +386,8 @@ std::optional<bool> read_flag(const Json* flag, const char* key, Faults& faults)
 
 void read_conditions(const Json& object, Command& command, Faults& faults) {
   if (const Json* expires = given(object, "expires")) {
-    // A sender may write 1.79e12. A fraction or a huge number is not a time.
-    const double at = expires->is_number() ? expires->get<double>() : -1.0;
-    if (at >= 0 && at <= static_cast<double>(json::kMaxExactInteger) && at == std::floor(at))
-      command.expires_ms = static_cast<std::int64_t>(at);
+    if (const auto at = exact_integer(*expires); at && *at >= 0)
+      command.expires_ms = *at;
     else
       faults.add(Reason::bad_value,
                  std::string("expires must be milliseconds UTC, a whole number") +
@@ -488,9 +492,9 @@ LinkCommand parse_link_command(std::string_view payload) {
                                    "of its own"));
     }
     const Json* minutes = given(*json, "minutes");
-    if (minutes != nullptr && minutes->is_number_integer() && *minutes >= 1 &&
-        *minutes <= kLongestYield.count())
-      out.time = std::chrono::minutes(minutes->get<int>());
+    const auto number = minutes == nullptr ? std::nullopt : exact_integer(*minutes);
+    if (number && *number >= 1 && *number <= kLongestYield.count())
+      out.time = std::chrono::minutes(*number);
     else if (minutes != nullptr)
       faults.add(Reason::out_of_range, "minutes must be a whole number from 1 to " +
                                            std::to_string(kLongestYield.count()));

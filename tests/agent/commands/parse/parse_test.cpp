@@ -216,6 +216,17 @@ TEST(ParseCommand, IntegerAsIdIsItsDecimalText) {
   EXPECT_FALSE(fxagent::parse_command(R"({"op":"run","id":"7"})").id_is_number);
 }
 
+TEST(ParseCommand, IntegerMayBeWrittenWithAZeroFraction) {
+  const Command command =
+      fxagent::parse_command(R"({"id":-7.0,"op":"read","address":"D1","count":2e0,"expires":5.0})");
+  ASSERT_FALSE(command.refusal) << command.refusal->detail;
+  EXPECT_EQ(command.id, "-7");
+  EXPECT_TRUE(command.id_is_number);
+  EXPECT_EQ(command.targets.at(0).count, 2);
+  EXPECT_EQ(command.expires_ms, 5);
+  EXPECT_EQ(parse_link_command(R"({"op":"yield","minutes":5.0})").time.count(), 5);
+}
+
 TEST(ParseCommand, NothingFollowsTheCommand) {
   const std::string order = R"({"id":"1","op":"run"})";
   for (const char* const more : {"", "{\"id\":\"2\",\"op\":\"stop\"}"}) {
