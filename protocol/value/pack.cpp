@@ -94,6 +94,11 @@ Result<void> check_scalar(const Point& point, const Scalar& given) {
   return {};
 }
 
+/// Returns the beginning of an error text about item `i`; empty if the value is no array.
+std::string place_in(const Value& value, std::size_t i) {
+  return value.is_array ? "element " + std::to_string(i + 1) + ": " : std::string();
+}
+
 }  // namespace
 
 Result<void> check_kind(const Point& point, const Value& value) {
@@ -103,8 +108,9 @@ Result<void> check_kind(const Point& point, const Value& value) {
   if (value.items.size() != point.count)
     return refuse(std::to_string(value.items.size()) + " elements given, " +
                   std::to_string(point.count) + " expected");
-  for (const Scalar& scalar : value.items)
-    if (auto kind = check_scalar(point, scalar); !kind) return kind;
+  for (std::size_t i = 0; i < value.items.size(); ++i)
+    if (const auto kind = check_scalar(point, value.items[i]); !kind)
+      return refuse(place_in(value, i) + kind.error().text);
   return {};
 }
 
@@ -217,17 +223,15 @@ tl::expected<Bytes, PackError> pack(const Point& point, const Value& value) {
   const auto span = span_of(point);
   if (!span) return bad_value(span.error().text);
   if (auto kind = check_kind(point, value); !kind) return bad_value(std::move(kind.error().text));
-  for (const Scalar& scalar : value.items)
-    if (auto characters = check_characters(scalar); !characters)
-      return tl::make_unexpected(std::move(characters.error()));
+  for (std::size_t i = 0; i < value.items.size(); ++i)
+    if (const auto characters = check_characters(value.items[i]); !characters)
+      return bad_value(place_in(value, i) + characters.error().text);
   Bytes image((span->bits + 7) / 8, 0);
   const std::uint32_t bits = span->bits / point.count;
-  std::size_t bit = 0;
-  for (const Scalar& scalar : value.items) {
-    if (auto packed = pack_element(point, scalar, image, bit, bits); !packed)
-      return tl::make_unexpected(std::move(packed.error()));
-    bit += bits;
-  }
+  for (std::size_t i = 0; i < value.items.size(); ++i)
+    if (auto packed = pack_element(point, value.items[i], image, i * bits, bits); !packed)
+      return tl::unexpected<PackError>(
+          PackError{packed.error().fault, place_in(value, i) + packed.error().text});
   return image;
 }
 

@@ -205,8 +205,12 @@ void check_keys(const Json& command, std::optional<Op> op, Faults& faults) {
   check_object(command, targets != nullptr ? Object::command_with_targets : Object::command, op,
                faults);
   if (targets == nullptr || !targets->is_array()) return;
-  for (const Json& entry : *targets)
-    if (entry.is_object()) check_object(entry, Object::target, op, faults);
+  for (std::size_t i = 0; i < targets->size(); ++i) {
+    Faults own;
+    if ((*targets)[i].is_object()) check_object((*targets)[i], Object::target, op, own);
+    if (const auto& first = own.first())
+      faults.add(first->reason, "target " + std::to_string(i + 1) + ": " + first->detail);
+  }
 }
 
 // ---- values -------------------------------------------------------------------------------------

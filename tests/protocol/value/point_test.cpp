@@ -490,6 +490,18 @@ TEST(Pack, AValueOutsideTheRawRangeIsOutOfRange) {
     EXPECT_EQ(fault(point, value), PackFault::out_of_range) << to_string(point.type);
 }
 
+TEST(Pack, FaultyElementOfAnArrayIsNamed) {
+  const Point three = word_point(DataType::int16, 3);
+  const auto why = [&](const Scalar& second) {
+    return pack(three, Value::array({Scalar(std::int64_t{1}), second, Scalar(std::int64_t{3})}))
+        .error()
+        .text;
+  };
+  test::expect_says(why(std::string("2")), "element 2: int16 takes a number");
+  test::expect_says(why(std::int64_t{32768}), "element 2: 32768 is raw 32768");
+  EXPECT_FALSE(pack(word_point(DataType::int16), text("2")).error().text.starts_with("element"));
+}
+
 TEST(Pack, AValueOfTheWrongKindIsABadValue) {
   const double inf = std::numeric_limits<double>::infinity();
   const std::pair<Point, Value> cases[] = {

@@ -290,9 +290,10 @@ INSTANTIATE_TEST_SUITE_P(
         Refused{"Deep", write_with(R"("expect":[[[[[1]]]]])"), Reason::bad_json, "deep", "a"},
         Refused{"VeryDeep", std::string(60000, '['), Reason::bad_json, "", ""},
         Refused{"UnknownKey", write_with(R"("expirs":1)"), Reason::bad_json, "expires", "a"},
-        Refused{"UnknownKeyInTargets",
-                R"({"id":"a","op":"write","targets":[{"tag":"t","valeu":1}]})", Reason::bad_json,
-                "value", "a"},
+        Refused{
+            "UnknownKeyInTargets",
+            R"({"id":"a","op":"write","targets":[{"tag":"s","value":1},{"tag":"t","valeu":1}]})",
+            Reason::bad_json, "target 2: unknown key 'valeu'; did you mean value?", "a"},
         Refused{"KeyTwice", R"({"id":"a","op":"write","tag":"t","value":1,"value":2})",
                 Reason::bad_json, "twice", "a"},
         Refused{"Status", write_with(R"("status":"SUCCEEDED")"), Reason::bad_json, "status", "a"},
