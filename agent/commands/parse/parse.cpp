@@ -500,8 +500,9 @@ LinkCommand parse_link_command(std::string_view payload) {
     if (number && *number >= 1 && *number <= kLongestYield.count())
       out.time = std::chrono::minutes(*number);
     else if (minutes != nullptr)
-      faults.add(Reason::out_of_range, "minutes must be a whole number from 1 to " +
-                                           std::to_string(kLongestYield.count()));
+      faults.add(
+          minutes->is_number() ? Reason::out_of_range : Reason::bad_value,
+          "minutes must be a whole number from 1 to " + std::to_string(kLongestYield.count()));
     if (!yields) out.time = std::chrono::minutes(0);
   }
   command.refusal = faults.first();

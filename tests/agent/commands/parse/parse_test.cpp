@@ -450,8 +450,10 @@ TEST(ParseLinkCommand, FirstFaultIsNamed) {
       {R"({"op":"yield","minutes":721})", Reason::out_of_range},
       {R"({"op":"yield","minutes":18446744073709551615})", Reason::out_of_range},
       {R"({"op":"yield","minutes":-1})", Reason::out_of_range},
+      {R"({"op":"yield","minutes":1e300})", Reason::out_of_range},
       {R"({"op":"yield","minutes":1.5})", Reason::out_of_range},
-      {R"({"op":"yield","minutes":true})", Reason::out_of_range},
+      {R"({"op":"yield","minutes":true})", Reason::bad_value},
+      {R"({"op":"yield","minutes":"5"})", Reason::bad_value},
       {std::string(65537, ' '), Reason::too_large},
   };
   for (const auto& [text, reason] : cases) {
