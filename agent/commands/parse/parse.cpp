@@ -70,7 +70,7 @@ std::size_t structures_in(std::string_view text) {
 }
 
 std::string not_a_scalar(const Json& json, const std::string& what) {
-  if (json.is_null()) return what + " is null";
+  if (json.is_null()) return what + " is null, as NaN is in JSON";
   return what + " must be a number, a boolean or a string";
 }
 

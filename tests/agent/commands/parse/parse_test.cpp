@@ -317,7 +317,7 @@ INSTANTIATE_TEST_SUITE_P(
         Refused{"NullAsTarget", R"({"id":"a","op":"read","tag":null})", Reason::unknown_tag,
                 "neither", "a"},
         Refused{"NullInAnArray", R"({"id":"a","op":"write","tag":"t","value":[1,null]})",
-                Reason::bad_value, "element 2 of value is null", "a"},
+                Reason::bad_value, "element 2 of value is null, as NaN is in JSON", "a"},
         Refused{"ListInAList", R"({"id":"a","op":"write","tag":"t","value":[[1]]})",
                 Reason::bad_value, "element 1 of value", "a"},
         Refused{"NullOfAnUnknownKey", write_with(R"("expirs":null)"), Reason::bad_json, "expires",
