@@ -11,8 +11,10 @@
 #include <unordered_set>
 #include <utility>
 
+#include "agent/config/json/tree.h"
 #include "agent/config/keys.h"
 #include "agent/config/plain_topic.h"
+#include "agent/config/suggestions.h"
 
 namespace fxagent {
 namespace {
@@ -187,7 +189,9 @@ void read_profiles(ConfigReader& reader, const ConfigNode& list, Config& config)
     profile.kind = static_cast<ProfileConfig::Kind>(*kind);
     profile.broker = reader.name(node, config_key("profiles[].broker")).value_or("");
     if (!profile.broker.empty() && broker_named(config, profile.broker) == nullptr)
-      reader.error(*node.find("broker"), "no broker in brokers has this name");
+      reader.error(*node.find("broker"), "no broker in brokers has the name " +
+                                             shown(profile.broker) +
+                                             in_place_of(profile.broker, names_in(config.brokers)));
     check_kind(reader, node, profile.kind);
     if (profile.kind == ProfileConfig::Kind::plain) read_plain(reader, node, config, profile);
     if (profile.kind == ProfileConfig::Kind::sparkplug)

@@ -85,7 +85,7 @@ TEST(ProfilesConfig, EachFaultNamesItsPlaceAndItsCure) {
   const std::string place = "/profiles/2";
   expect_error(with_profiles(R"({"kind": "opc"})"), place + "/kind", {"json", "plain"});
   expect_error(with_profiles(R"({"kind": "plain", "broker": "clod"})"), place + "/broker",
-               {"no broker"});
+               {"no broker", "the name clod", "did you mean cloud?"});
   expect_error(with_profiles(R"({"kind": "json"})"), place, {"twice", "same broker"});
   expect_error(with_profiles(R"({"kind": "sparkplug"})"), place, {"needs group"});
   expect_error(with_profiles(R"({"kind": "sparkplug", "group": "a/b"})"), place + "/group",
