@@ -74,7 +74,7 @@ class Yield(PlantTest):
         self.begin()
         for number, (command, reason) in enumerate((
                 ({"op": "yield", "minutes": 0}, "out_of_range"), ({"op": "yield", "minutes": 721}, "out_of_range"),
-                ({"op": "yield", "minutes": 1.5}, "out_of_range"), ({"op": "yield", "minutes": "15"}, "out_of_range"),
+                ({"op": "yield", "minutes": 1.5}, "out_of_range"), ({"op": "yield", "minutes": "15"}, "bad_value"),
                 ({"op": "write", "tag": "temp", "value": 1}, "bad_json"), ({"op": "sleep"}, "bad_op"), ({}, "bad_op"),
                 ({"op": "resume", "minutes": 5}, "bad_json"), ({"op": "yield", "by": 7}, "bad_value"))):
             result = self.to_link(command | {"id": f"r{number}"})

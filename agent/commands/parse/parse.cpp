@@ -390,8 +390,8 @@ std::optional<bool> read_flag(const Json* flag, const char* key, Faults& faults)
 
 void read_conditions(const Json& object, Command& command, Faults& faults) {
   if (const Json* expires = given(object, "expires")) {
-    if (const auto at = exact_integer(*expires); at && *at >= 0)
-      command.expires_ms = *at;
+    if (const auto at = exact_integer(*expires); at >= 0)
+      command.expires_ms = at;
     else
       faults.add(Reason::bad_value,
                  std::string("expires must be milliseconds UTC, a whole number") +

@@ -184,13 +184,9 @@ std::optional<std::string> command_of(const nlohmann::json& data, const std::str
   if (!named.is_string()) return std::nullopt;
   const auto method = named.get<std::string>();
   const auto& params = member(data, "params");
-  const auto gives = [&, is_op = op_from(method).has_value()](const char* key) {
-    return is_op && params.is_object() && params.contains(key);
-  };
   json::Writer out;
-  out.begin_object();
-  if (!gives("id")) out.key("id").string(id);
-  if (!gives("expires")) out.key("expires").integer(expires_ms);
+  out.begin_object().key("id").string(id);
+  if (!params.is_object() || !params.contains("expires")) out.key("expires").integer(expires_ms);
   if (method.starts_with(kSetMethod)) {
     out.key("op").string("write").key("tag").string(method.substr(kSetMethod.size()));
     out.key("value").raw(dumped(params));
@@ -200,7 +196,9 @@ std::optional<std::string> command_of(const nlohmann::json& data, const std::str
     out.key("op").string(method);
     if (!op_from(method) || params.is_null()) return out.end_object().take();
     if (!params.is_object()) return out.key("params").raw(dumped(params)).end_object().take();
-    for (const auto& [key, value] : params.items()) out.key(key).raw(dumped(value));
+    // Admission refuses an unknown key. Those of the command itself would stand in it twice.
+    for (const auto& [key, value] : params.items())
+      out.key(key == "id" || key == "op" ? "params." + key : key).raw(dumped(value));
   }
   return out.end_object().take();
 }

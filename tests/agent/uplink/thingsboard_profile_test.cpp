@@ -212,9 +212,9 @@ TEST_F(ThingsBoardProfileTest, MethodIsACommand) {
             json::parse(R"({"op":"stop","expires":5})"));
   EXPECT_EQ(command_of(R"({"id":0,"method":"reboot","params":{"now":true}})"),
             json::parse(R"({"op":"reboot","expires":1790000010000})"));
-  ask(R"({"device":"press1","data":{"id":0,"method":"run","params":{"id":"mine","by":"anna"}}})");
-  EXPECT_EQ(relayed.back().payload,
-            R"({"expires":1790000010000,"op":"run","by":"anna","id":"mine"})");
+  EXPECT_EQ(
+      command_of(R"({"id":0,"method":"stop","params":{"id":"mine","op":"run"}})"),
+      json::parse(R"({"op":"stop","params.id":"mine","params.op":"run","expires":1790000010000})"));
   EXPECT_EQ(relayed.back().sender, "thingsboard@cloud");
   EXPECT_EQ(relayed.back().device, "press1");
 }
