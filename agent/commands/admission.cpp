@@ -111,19 +111,6 @@ std::optional<Refusal> prepare_run_or_stop(const Codec& codec, const CommandRule
   return std::nullopt;
 }
 
-/// Prepares a result for the memory of ids, if there is no journal. Whoever asked has it then, and
-/// topic and correlation can be 64 KiB of the sender's data.
-std::shared_ptr<const CommandResult> kept(CommandResult result) {
-  result.response_topic.clear();
-  result.response_topic.shrink_to_fit();
-  result.correlation = Bytes();  // `= {}` would keep its memory
-  result.reply = nullptr;
-  result.by.clear();
-  result.by.shrink_to_fit();
-  result.frames = {};
-  return std::make_shared<const CommandResult>(std::move(result));
-}
-
 /// Returns "; did you mean …?", or empty if no name is near or the device has more than 1,000 tags.
 std::string nearest_tag(std::string_view said, const DeviceConfig& device) {
   constexpr std::size_t kMost = 1000;
@@ -178,12 +165,14 @@ CommandAdmission::Decision CommandAdmission::admit(Command command,
       set_outcome(result, CommandStatus::duplicate, Reason::duplicate_id, {});
       if (!seen->over)
         result.detail = "the command is not finished and has no result yet; it is not repeated";
-      else if (!seen->number)
+      else if (!seen->number || (!seen->result && !shared_->is_journaled))
         result.detail = "the command is over and its result is no longer kept; it is not repeated";
       else
         result.first_number = seen->number;
-      result.first = seen->result;
-      if (result.first) result.plc = result.first->plc;
+      if (seen->result) {
+        result.first = std::make_shared<const CommandResult>(recorded_result(*seen->result));
+        result.plc = result.first->plc;
+      }
       return result;
     }
   }
@@ -409,13 +398,16 @@ std::optional<Refusal> CommandAdmission::check_value(const Codec& codec, const C
 void CommandAdmission::remember_refused(const Command& command, const CommandResult& result,
                                         SteadyTime now) {
   if (command.dry_run || command.id.empty()) return;
-  ids_.add_refused(
-      {command.id, command.number, now, now, true, shared_->is_journaled ? nullptr : kept(result)},
-      now);
+  ids_.add_refused({command.id, command.number, now, now, true, kept(result)}, now);
 }
 
 void CommandAdmission::finished(const CommandResult& result) {
-  ids_.finish(result.id, shared_->is_journaled ? nullptr : kept(result));
+  ids_.finish(result.id, kept(result));
+}
+
+std::weak_ptr<std::string> CommandAdmission::kept(const CommandResult& result) {
+  if (shared_->is_journaled) return {};
+  return shared_->keep(result_text(result));
 }
 
 void CommandAdmission::restore(const KnownId& known, SteadyTime now, std::int64_t utc_ms) {

@@ -53,6 +53,28 @@ ResultMessage message_of(const std::string& device, CommandResult& result) {
           .reply = std::move(result.reply)};
 }
 
+std::string shortened(const std::string& text) {
+  constexpr std::size_t kMost = 64;  // bytes
+  if (text.size() <= kMost) return text;
+  std::size_t end = kMost;
+  while (end > 0 && (static_cast<unsigned char>(text[end]) & 0xC0) == 0x80) --end;
+  return text.substr(0, end) + "…";
+}
+
+/// Returns the beginning of a value, for the last commands: at most 16 elements.
+Value shortened(const Value& value) {
+  constexpr std::size_t kMost = 16;
+  Value out;
+  out.is_array = value.is_array;
+  for (const Scalar& item : value.items) {
+    const bool is_over = out.items.size() == kMost;
+    const auto* text = std::get_if<std::string>(&item);
+    out.items.push_back(is_over ? Scalar("…") : text != nullptr ? Scalar(shortened(*text)) : item);
+    if (is_over) break;
+  }
+  return out;
+}
+
 /// Returns the link of this name; nullptr if there is none.
 const LinkConfig* link_named(const Config& config, std::string_view name) {
   const auto link = std::ranges::find(config.links, name, &LinkConfig::name);
@@ -364,9 +386,9 @@ void CommandResults::note_last(const std::string& device, const CommandResult& r
                   .device = device,
                   .id = result.id,
                   .op = result.op,
-                  .by = result.by,
+                  .by = shortened(result.by),
                   .target = first.tag.empty() ? first.address : first.tag,
-                  .value = first.value ? *first.value : Value(),
+                  .value = first.value ? shortened(*first.value) : Value(),
                   .targets = result.targets.size(),
                   .status = result.status,
                   .reason = result.reason,

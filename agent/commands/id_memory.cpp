@@ -7,6 +7,8 @@
 #include <iterator>
 #include <utility>
 
+#include "agent/commands/result.h"
+
 namespace fxagent {
 namespace {
 
@@ -59,7 +61,7 @@ std::optional<IdMemory::Seen> IdMemory::find(const std::string& id, SteadyTime n
       const auto& by_id = entries->get<1>();
       const auto found = by_id.find(id);
       if (found != by_id.end() && !is_old(*found, now))
-        return Seen{found->over, found->number, found->result};
+        return Seen{found->over, found->number, found->result.lock()};
     }
   }
   if (shared_->fingerprints.has(device_, id, now)) return Seen{true, std::nullopt, nullptr};
@@ -120,7 +122,7 @@ void IdMemory::add_refused(Entry entry, SteadyTime now) {
   while (has_too_many_refused()) refused.erase(refused.begin());
 }
 
-void IdMemory::finish(const std::string& id, std::shared_ptr<const CommandResult> result) {
+void IdMemory::finish(const std::string& id, std::weak_ptr<std::string> result) {
   if (ids_ == nullptr) return;
   auto& by_id = ids_->admitted.get<1>();
   const auto found = by_id.find(id);
@@ -133,15 +135,13 @@ void IdMemory::finish(const std::string& id, std::shared_ptr<const CommandResult
 
 void IdMemory::note_total(const std::string& id, std::chrono::nanoseconds total) {
   if (ids_ == nullptr) return;
-  for (Entries* entries : {&ids_->admitted, &ids_->refused}) {
-    auto& by_id = entries->get<1>();
+  for (const Entries* entries : {&ids_->admitted, &ids_->refused}) {
+    const auto& by_id = entries->get<1>();
     const auto found = by_id.find(id);
-    if (found == by_id.end() || !found->result) continue;
-    CommandResult result = *found->result;
-    result.total = total;
-    by_id.modify(found, [&](Entry& entry) {
-      entry.result = std::make_shared<const CommandResult>(std::move(result));
-    });
+    const auto text = found == by_id.end() ? nullptr : found->result.lock();
+    if (text == nullptr) continue;
+    *text = with_total(std::move(*text), total);
+    text->shrink_to_fit();
   }
 }
 

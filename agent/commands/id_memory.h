@@ -15,7 +15,7 @@
 
 #include "agent/commands/journal.h"
 #include "agent/commands/shared_admission.h"
-#include "agent/handover/command_message.h"
+#include "agent/steady_time.h"
 
 namespace fxagent {
 
@@ -27,14 +27,14 @@ class IdMemory final {
     SteadyTime seen{};
     SteadyTime deadline{};
     bool over = false;  ///< its command has a result
-    /// The result, unless a journal keeps it.
-    std::shared_ptr<const CommandResult> result{};
+    /// Text of the result, unless a journal keeps it. SharedAdmission owns it and may discard it.
+    std::weak_ptr<std::string> result{};
   };
   /// State of an id that was seen.
   struct Seen {
     bool over = false;
     std::optional<std::uint64_t> number;  ///< nullopt: only the fingerprint is left
-    std::shared_ptr<const CommandResult> result{};
+    std::shared_ptr<const std::string> result{};
   };
 
   /// `shared` is common to all devices; `device` is the name of this one.
@@ -52,7 +52,7 @@ class IdMemory final {
   /// Remembers the id of a refused command. The oldest refused ids make room.
   void add_refused(Entry entry, SteadyTime now);
   /// Records the result of a command. Does nothing if the id is not known.
-  void finish(const std::string& id, std::shared_ptr<const CommandResult> result);
+  void finish(const std::string& id, std::weak_ptr<std::string> result);
   /// Records the total latency of the first result for `id`, if that result is kept here.
   void note_total(const std::string& id, std::chrono::nanoseconds total);
 

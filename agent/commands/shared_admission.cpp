@@ -14,6 +14,7 @@
 #include <random>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 namespace fxagent {
 namespace {
@@ -101,6 +102,16 @@ void IdFingerprints::add(std::string_view device, std::string_view id, SteadyTim
   all_->get<1>().erase(print);
   all_->push_back({print, seen, deadline});
   earliest_deadline_ = std::min(earliest_deadline_, deadline);
+}
+
+std::weak_ptr<std::string> SharedAdmission::keep(std::string result) {
+  constexpr std::size_t kOverhead = 128;  // bytes; of the allocations, and for the total latency
+  result.shrink_to_fit();
+  const std::size_t bytes = result.size() + kOverhead;
+  results_.emplace_back(std::make_shared<std::string>(std::move(result)), bytes);
+  for (result_bytes_ += bytes; result_bytes_ > kMostResultBytes; results_.pop_front())
+    result_bytes_ -= results_.front().second;
+  return results_.back().first;
 }
 
 SharedAdmission::Place SharedAdmission::take(std::uint32_t device, std::size_t bytes) {

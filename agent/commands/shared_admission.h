@@ -5,10 +5,12 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <memory>
 #include <string>
 #include <string_view>
 #include <unordered_map>
+#include <utility>
 
 #include "agent/commands/journal.h"
 #include "agent/steady_time.h"
@@ -58,6 +60,13 @@ class SharedAdmission final : public std::enable_shared_from_this<SharedAdmissio
   Place take(std::uint32_t device, std::size_t bytes);
   std::size_t bytes() const { return bytes_; }
 
+  /// Limit for the first results that are kept without a journal.
+  static constexpr std::size_t kMostResultBytes = std::size_t{8} << 20;
+  /// Keeps the text of a first result until newer ones need its room.
+  std::weak_ptr<std::string> keep(std::string result);
+  /// Approximate bytes of the kept results.
+  std::size_t result_bytes() const { return result_bytes_; }
+
   IdFingerprints fingerprints;
   bool is_journaled = false;  ///< the journal keeps first results
   bool is_stopping = false;   ///< the agent is: what would be admitted is rejected
@@ -68,6 +77,8 @@ class SharedAdmission final : public std::enable_shared_from_this<SharedAdmissio
  private:
   std::size_t bytes_ = 0;
   std::unordered_map<std::uint32_t, std::size_t> by_device_;
+  std::size_t result_bytes_ = 0;
+  std::deque<std::pair<std::shared_ptr<std::string>, std::size_t>> results_;  ///< oldest first
 };
 
 }  // namespace fxagent

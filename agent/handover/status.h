@@ -70,9 +70,9 @@ struct LastCommand {
   std::string device;        ///< device name; the config may no longer contain it
   std::string id;            ///< empty if no id could be read
   std::string op;            ///< as received
-  std::string by;            ///< sender; empty: the command names none
+  std::string by;            ///< first 64 bytes of the sender; empty: the command names none
   std::string target;        ///< tag or address of the first target
-  Value value{};             ///< of the first target
+  Value value{};             ///< of the first target: 16 elements, 64 bytes of a text
   std::size_t targets = 0;
   CommandStatus status = CommandStatus::rejected;
   Reason reason = Reason::none;

@@ -433,6 +433,41 @@ TEST_F(CommandsTest, LastOnesAreKnownWithWhatBecameOfThem) {
   EXPECT_EQ(last.back()->number, kLastCommands + 2);
 }
 
+TEST_F(CommandsTest, LargeRefusedCommandsTakeBoundedMemory) {
+  journaling = false;
+  const std::string text(60'000, 'y');
+  const auto send = [&](int i) {
+    receive(R"({"id":"r)" + std::to_string(i) + R"(","op":"write","tag":"nowhere","value":")" +
+            text + R"("})");
+    return results(1)[0];
+  };
+  constexpr int kMany = 150;  // of 9 MB
+  for (int i = 0; i < kMany; ++i) EXPECT_EQ(send(i)["reason"], "unknown_tag");
+  const json oldest = send(0);
+  EXPECT_EQ(oldest["status"], "DUPLICATE");
+  EXPECT_EQ(oldest["first"], nullptr);
+  EXPECT_NE(oldest["detail"].dump().find("no longer kept"), std::string::npos);
+  EXPECT_EQ(send(kMany - 1)["first"]["reason"], "unknown_tag");
+}
+
+TEST_F(CommandsTest, LastCommandHasTheBeginningOfAnArray) {
+  json command = {{"id", "a"}, {"op", "write"}, {"tag", "nowhere"}};
+  command["value"] = std::vector<int>(30'000, 1);
+  receive(command.dump());
+  const Scalars& items = commands().results().last().at(0)->value.items;
+  ASSERT_EQ(items.size(), 17U);
+  EXPECT_EQ(std::get<std::int64_t>(items[15]), 1);
+  EXPECT_EQ(std::get<std::string>(items[16]), "…");
+}
+
+TEST_F(CommandsTest, LastCommandHasTheBeginningOfALongText) {
+  receive(R"({"id":"a","op":"write","tag":"nowhere","value":"x)" + std::string(60000, 'y') +
+          R"(","by":")" + std::string(63, 'z') + R"(öz"})");
+  const LastCommand& last = *commands().results().last().at(0);
+  EXPECT_EQ(std::get<std::string>(last.value.items.at(0)), "x" + std::string(63, 'y') + "…");
+  EXPECT_EQ(last.by, std::string(63, 'z') + "…") << "no half character";
+}
+
 TEST_F(CommandsTest, ResultThatAnEarlierRunGaveIsNoLastOne) {
   Recovered known;
   CommandResult result;

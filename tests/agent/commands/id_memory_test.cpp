@@ -137,7 +137,7 @@ TEST(IdMemory, KnowsWhatAPlainListKnows) {
         ASSERT_EQ(found->number.has_value(), !known->print) << i;
         prints += known->print;
         if (below(3) != 0 || known->refused) continue;
-        memory.ids.finish(id, nullptr);
+        memory.ids.finish(id, {});
         known->entry.over = true;
         continue;
       }
@@ -248,12 +248,11 @@ TEST(IdMemory, DevicesDoNotShareTheirIds) {
 TEST(IdMemory, ResultIsKeptWhereItIsGiven) {
   Memory memory;
   memory.ids.add({"a", 1, kStart, kStart}, kStart);
-  CommandResult result;
-  result.id = "a";
-  memory.ids.finish("a", std::make_shared<const CommandResult>(result));
-  memory.ids.finish("b", nullptr);
+  memory.ids.finish("a", memory.room->keep(R"({"id":"a","total_ms":null})"));
+  memory.ids.finish("b", {});
   EXPECT_TRUE(memory.ids.find("a", kStart)->over);
-  EXPECT_EQ(memory.ids.find("a", kStart)->result->id, "a");
+  memory.ids.note_total("a", std::chrono::milliseconds(2));
+  EXPECT_EQ(*memory.ids.find("a", kStart)->result, R"({"id":"a","total_ms":2})");
   EXPECT_FALSE(memory.ids.find("b", kStart));
 }
 
