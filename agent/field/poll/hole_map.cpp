@@ -17,6 +17,7 @@ constexpr seconds kLongestForgiving{86'400};
 constexpr std::size_t kMostSuspects = 256;
 // A device lacks a command that goes unanswered this often while it answers something else.
 constexpr int kProofs = 2;
+constexpr std::uint32_t kLongestScalar = 64;  // bits
 constexpr std::uint32_t kAny = std::numeric_limits<std::uint32_t>::max();
 
 void add(std::vector<Span>& spans, const Span& span) {
@@ -175,7 +176,8 @@ void HoleMap::forgive(SteadyTime now) {
     return std::ranges::find(asked_again_, span) == asked_again_.end();
   };
   if (std::ranges::none_of(holes_.gather_limits, is_few) &&
-      std::ranges::none_of(holes_.apart, is_apart))
+      std::ranges::none_of(holes_.apart, is_apart) && holes_.limits.empty() &&
+      std::ranges::none_of(borders_, &Border::is_needed))
     return forgive_at_.reset();
   if (!forgive_at_) forgive_at_ = now + forgive_after_;
   if (now < *forgive_at_) return;
@@ -183,6 +185,8 @@ void HoleMap::forgive(SteadyTime now) {
   forgive_after_ = std::min(forgive_after_ * 2, kLongestForgiving);
   std::erase_if(holes_.gather_limits, is_few);
   std::erase_if(holes_.apart, is_apart);
+  holes_.limits.clear();
+  std::erase_if(borders_, [](const Border& border) { return border.is_needed(); });
   changed();
 }
 
@@ -225,17 +229,18 @@ void HoleMap::read(const Span& read) {
       std::erase_if(borders_, [&](const Border& border) { return read.contains(border.reason); });
   if (back || needless > 0) changed();
   for (Border& border : borders_) {
-    if (border.cut.space != read.space || (border.left_read && border.right_read)) continue;
+    if (border.cut.space != read.space || border.is_needed()) continue;
     if (read.first_bit <= border.reason.first_bit && read.end_bit() == border.left_end)
       border.left_read = true;
     if (read.first_bit == border.cut.at && read.end_bit() >= border.reason.end_bit())
       border.right_read = true;
-    if (!border.left_read || !border.right_read) continue;
+    if (!border.is_needed()) continue;
     const Border found = border;
     explained(found.reason);
-    if (found.left_end == found.cut.at) {
-      const std::uint32_t left = found.left_end - found.reason.first_bit;
-      learn_limit(found.cut.space, std::max(left, found.reason.bits - left));
+    const std::uint32_t left = found.left_end - found.reason.first_bit;
+    const std::uint32_t longer = std::max(left, found.reason.bits - left);
+    if (found.left_end == found.cut.at && longer >= kLongestScalar) {
+      learn_limit(found.cut.space, longer);
     } else {
       borders_.push_back(found);
     }

@@ -46,14 +46,15 @@ class HoleMap final {
   bool lacks(std::uint8_t gather, SteadyTime now);
 
   /// Records a successful read. If both halves of a refused read are good, either the gap between
-  /// them is missing or, if there is none, the whole was too long.
+  /// them is missing or, if there is none, the whole was too long. No limit is shorter than a value
+  /// of 64 bits, which two reads could tear apart: instead, that cut alone stays.
   void read(const Span& read);
 
   /// Lifts restrictions whose time has come. Their cause may have gone: a new program or device, a
   /// password, a wrong setting. Missing spans are read again, apart from their neighbours so that a
-  /// refusal does not harm these. Commands that the device did not know are tried again. Limits on
-  /// the parts of a Gather, and spans read only outside of one, are found anew after 10 minutes,
-  /// then at doubling intervals up to one day.
+  /// refusal does not harm these. Commands that the device did not know are tried again. Limits of
+  /// blocks and of the parts of a Gather, cuts that were found to be needed, and spans read only
+  /// outside of a Gather are found anew after 10 minutes, then at doubling intervals up to one day.
   void retry(SteadyTime now);
 
  private:
@@ -64,6 +65,8 @@ class HoleMap final {
     std::uint32_t left_end = 0;
     bool left_read = false;
     bool right_read = false;
+
+    bool is_needed() const { return left_read && right_read; }
   };
 
   void changed();

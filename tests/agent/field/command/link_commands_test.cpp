@@ -508,22 +508,26 @@ TEST_F(LinkCommandsTest, ReadsAreThoseThatTheBoundCounts) {
     return plc.answer(request);
   });
   const auto add_read = [this](std::string id) {
-    submit(command_of(std::move(id), Op::read, {target_of("wide")}));
+    Command command =
+        command_of(std::move(id), Op::read, {{"", "D201", std::nullopt, std::nullopt}});
+    command.targets[0].count = 8;
+    command.any_address = true;
+    submit(std::move(command));
   };
   add_read("before");
-  // Polls find that the device answers single words only.
+  // Polls find that the device answers four words at most.
   const Span wide = *span_of(devices[0]->config.tags.back().point);
-  const std::uint32_t half = wide.first_bit + 16;
+  const std::uint32_t half = wide.first_bit + 64;
   HoleMap& holes = devices[0]->found_holes();
-  holes.refused(wide, Halves{half, half}, SteadyTime{});
-  holes.read({wide.space, wide.first_bit, 16});
-  holes.read({wide.space, half, 16});
+  holes.refused({wide.space, wide.first_bit, 128}, Halves{half, half}, SteadyTime{});
+  holes.read({wide.space, wide.first_bit, 64});
+  holes.read({wide.space, half, 64});
   add_read("after");
   run_next();
-  EXPECT_EQ(asked.back(), read_frame(kD200 + 2, 4));
+  EXPECT_EQ(asked.back(), read_frame(kD200 + 2, 16));
   asked.clear();
   run_next();
-  EXPECT_EQ(asked, (std::vector{read_frame(kD200 + 2, 2), read_frame(kD200 + 4, 2)}));
+  EXPECT_EQ(asked, (std::vector{read_frame(kD200 + 2, 8), read_frame(kD200 + 10, 8)}));
 }
 
 /// The only device is all units of a Modbus line.

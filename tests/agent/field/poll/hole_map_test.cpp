@@ -113,7 +113,52 @@ TEST(HoleMap, ADeviceThatGivesShortBlocksOnlyIsAskedForShortBlocksEverywhere) {
   EXPECT_LT(device.refusals, 60) << "one block teaches all";
 }
 
-TEST(HoleMap, ALimitThatWasLearnedNeverGrows) {
+TEST(HoleMap, RefusalThatPassesShortensReadsForAWhile) {
+  Refuser device;
+  for (std::uint32_t n = 0; n < 10; ++n) device.add(n);
+  for (std::uint32_t n = 14; n < 24; ++n) device.add(n);
+  device.lacks = {12};
+  ASSERT_GE(device.settle(), 0);
+  ASSERT_EQ(device.map.holes().cuts.size(), 1U);
+  device.lacks = {};
+  for (int second = 0; second < 605; ++second) device.cycle();
+  EXPECT_TRUE(device.map.holes().cuts.empty());
+  device.longest = 8;
+  ASSERT_GE(device.settle(), 0);
+  ASSERT_EQ(device.map.holes().limits.size(), 1U);
+  device.longest = 1000;
+  for (int second = 0; second < 1205; ++second) device.cycle();
+  EXPECT_TRUE(device.map.holes().limits.empty());
+  EXPECT_EQ(device.plan().reads.size(), 1U);
+}
+
+TEST(HoleMap, DeviceOfShortBlocksIsTriedWithLongOnesLessAndLessOften) {
+  Refuser device;
+  for (std::uint32_t n = 0; n < 30; ++n) device.add(n);
+  device.longest = 20;
+  ASSERT_GE(device.settle(), 0);
+  const int before = device.refusals;
+  for (int second = 0; second < 3600; ++second) device.cycle();
+  EXPECT_EQ(device.refusals - before, 2) << "after 10 and 30 minutes";
+}
+
+TEST(HoleMap, RefusalOfAShortReadTearsNoValueApart) {
+  Refuser device;
+  device.add(0);
+  device.add(1);
+  for (const DataType type : {DataType::uint32, DataType::float64})
+    device.points.push_back(
+        tag(*device.codec, "t", type == DataType::uint32 ? "D300" : "D600", type).point);
+  const std::uint16_t space = device.points[0].address.span.space;
+  device.map.refused({space, 0, 32}, Halves{16, 16}, device.now);
+  device.map.read({space, 0, 16});
+  device.map.read({space, 16, 16});
+  const Plan plan = device.plan();
+  for (const PointSource& source : plan.sources) EXPECT_EQ(source.count, 1U);
+  EXPECT_EQ(plan.reads.size(), 4U) << "the two that were refused together stay apart";
+}
+
+TEST(HoleMap, ALimitThatWasLearnedDoesNotGrowByAnotherBlock) {
   const auto words = [](std::uint32_t first, std::uint32_t count) {
     return Span{0, 16 * first, 16 * count};
   };
