@@ -60,6 +60,16 @@ TEST(ConfigModbus, UnitsShareALineWithoutAWarning) {
   EXPECT_EQ(unit_of(config.devices[1]), 4);
 }
 
+TEST(ConfigModbus, ValueThatIsLongerThanTheLongestReadIsWarnedOf) {
+  EXPECT_TRUE(good_with("/devices/0/max_read", "2").warnings.empty());
+  for (const auto& [key, least] : {std::pair{"max_read", "1"}, {"max_block_bytes", "2"}}) {
+    const Config config = good_with(std::string("/devices/0/") + key, least);
+    ASSERT_EQ(config.warnings.size(), 1U) << key;
+    EXPECT_NE(config.warnings[0].find("takes several reads"), std::string::npos)
+        << config.warnings[0];
+  }
+}
+
 TEST(ConfigModbus, LineSettingsAreThoseOfTheSpecification) {
   const auto settings = [](const json& plant) {
     return std::get<SerialSettings>(good(plant.dump()).links.at(0).channel);

@@ -455,6 +455,14 @@ void DeviceReader::check_span(const ConfigNode& node, const TagConfig& tag) {
     return;
   }
   check_exists(address, *span);
+  std::uint32_t longest = 0;
+  for (const ReadWay& way : ways_.at(span->space)) longest = std::max(longest, way.max_bits);
+  if (device_.max_block_bytes != 0) longest = std::min(longest, device_.max_block_bytes * 8);
+  const bool is_one_value = !tag.point.is_array && tag.point.type != DataType::string;
+  if (is_one_value && longest < span->bits)
+    reader_.warn(address,
+                 "takes several reads, so that its parts may be of different values: make max_read "
+                 "or max_block_bytes larger");
   if (!tag.writable) return;
   const ConfigNode& access = *node.find("access");
   if (!tag.point.address.writable)
