@@ -428,7 +428,9 @@ asio::awaitable<void> CommandExecution::run_or_stop() {
   if (exchange.sent) ++result_.attempts;
   if (!exchange.sent) co_return set_without_effect(out, exchange);
   if (exchange.is_ack()) out.plc = PlcAnswer::ack;
-  if (exchange.is_nak()) out.plc = PlcAnswer::nak;
+  // An unclear refusal, for example of a relay on the way, proves nothing.
+  const bool refused = surely_without_effect(*station_.codec, *admitted_.run_request, exchange);
+  if (refused) out.plc = PlcAnswer::nak;
   const std::uint64_t findings = wire_.findings();
   const auto state = co_await await_run_state(plc, wanted);
   if (state) {
@@ -440,7 +442,7 @@ asio::awaitable<void> CommandExecution::run_or_stop() {
   const std::string hint = plc.run_hint();
   if (state == wanted) {
     set(out, CommandStatus::succeeded, Reason::none, "");
-  } else if (exchange.is_nak()) {
+  } else if (refused) {
     set(out, CommandStatus::failed, Reason::nak, nak_text(exchange) + "; " + hint);
   } else if (exchange.is_ack() && state && wire_.findings() != findings) {
     set_doubtful_ack(out, std::string("the PLC is ") + (*state ? "running" : "stopped"));

@@ -229,6 +229,16 @@ TEST_F(CommandOnTheBusTest, ListGoesInOneFrameWhereTheProtocolHasOne) {
   EXPECT_EQ(result.targets.size(), 3U);
 }
 
+TEST_F(CommandOnTheBusTest, StopThatIsRefusedForAnUnknownReasonMayHaveBeenCarriedOut) {
+  use("mc-3e", codec_of("mc-3e", {{"model", std::string("FX5U")}}));
+  device.commands.allow_run_stop = true;
+  wire->then([](ByteView) { return hex("D000 00 FF FF03 00 0B00 5555 00 FF FF03 00 0210 0000"); });
+  const CommandResult result = run(Op::stop, {});
+  EXPECT_EQ(ending(result), "UNKNOWN_OUTCOME nak");
+  EXPECT_EQ(result.plc, PlcAnswer::none);
+  EXPECT_NE(result.detail.find("end code 5555"), std::string::npos) << result.detail;
+}
+
 // In one frame, the order of two writes to one place would be the PLC's.
 TEST_F(CommandOnTheBusTest, TargetsThatOverlapAreSentOneAfterTheOther) {
   use_computer_link();
