@@ -219,7 +219,7 @@ void Commands::receive(const std::string& name, std::string_view topic, std::str
     admitted.starts = journal_->starts();
     JournalEntry entry = entry_of(admitted, name);
     entry.audit = audit::admitted(*receipt, entry.id, entry.op, utc_ms);
-    entry.payload = std::move(receipt->payload);
+    entry.payload = std::move(receipt->payload) + config_.hash;
     to_journal_.push_back(std::move(entry));
   }
   admitted_.push_back(std::move(admitted));

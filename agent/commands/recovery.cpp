@@ -5,6 +5,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 
 #include "agent/commands/audit_records.h"
@@ -31,6 +32,15 @@ std::optional<Command> command_of(const JournalEntry& entry, std::uint32_t devic
   return command;
 }
 
+/// Cuts the hash of the config off `payload`. Returns true if it is `hash`: otherwise tags and
+/// addresses may mean other places now.
+bool cut_config(std::string& payload, std::string_view hash) {
+  const std::size_t end = payload.rfind('}') + 1;  // npos + 1 is 0
+  const bool is_same = std::string_view(payload).substr(end).ends_with(hash);
+  payload.resize(end);
+  return is_same;
+}
+
 /// Returns the result of a command whose outcome cannot or need not be read back.
 CommandResult interrupted(const JournalEntry& entry, const std::optional<Command>& command) {
   CommandResult result;
@@ -53,8 +63,9 @@ CommandResult interrupted(const JournalEntry& entry, const std::optional<Command
   return result;
 }
 
-void take(JournalEntry entry, std::uint32_t device, CommandJournal& journal, std::int64_t utc_ms,
-          SteadyTime now, Recovered& found) {
+void take(JournalEntry entry, std::uint32_t device, const Config& config, CommandJournal& journal,
+          std::int64_t utc_ms, SteadyTime now, Recovered& found) {
+  const bool is_same_config = cut_config(entry.payload, config.hash);
   if (entry.result.empty()) {
     // If the store opened late, this run may have carried out a command of that id itself.
     const auto known = journal.find(entry.device, entry.id);
@@ -64,7 +75,7 @@ void take(JournalEntry entry, std::uint32_t device, CommandJournal& journal, std
                                       {"sent", entry.surely_not_sent ? "no" : "perhaps"}});
     auto command = command_of(entry, device, utc_ms, now);
     // The field reads back what a write was to set.
-    if (command && command->op == Op::write && !entry.surely_not_sent)
+    if (command && command->op == Op::write && !entry.surely_not_sent && is_same_config)
       return found.interrupted.push_back(std::move(*command));
     entry.result = result_text(interrupted(entry, command));
     if (entry.number != 0)
@@ -132,7 +143,7 @@ Recovered recover(const Config& config, CommandJournal& journal, std::vector<Kno
   // Entries of other devices stay in the journal.
   for (JournalEntry& entry : unacknowledged)
     if (const auto device = index.find(entry.device); device != index.end())
-      take(std::move(entry), device->second, journal, utc_ms, now, found);
+      take(std::move(entry), device->second, config, journal, utc_ms, now, found);
   return found;
 }
 

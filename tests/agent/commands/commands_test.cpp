@@ -128,6 +128,7 @@ struct CommandsTest : ::testing::Test {
 };
 
 TEST_F(CommandsTest, AreInTheJournalInOneCommitBeforeTheFieldGetsThem) {
+  config.hash = "0123456789abcdef";
   write("a");
   receive(R"({"id":"bad","op":"write","tag":"nothing","value":1})");
   write("b");
@@ -142,6 +143,7 @@ TEST_F(CommandsTest, AreInTheJournalInOneCommitBeforeTheFieldGetsThem) {
   EXPECT_EQ(entry.received_ms, kNow);
   EXPECT_EQ(entry.deadline_ms, kNow + 10000);
   EXPECT_NE(entry.payload.find("setpoint"), std::string::npos);
+  EXPECT_TRUE(entry.payload.ends_with("}" + config.hash)) << entry.payload;
 }
 
 TEST_F(CommandsTest, ResultsAreInTheJournalInOneCommitBeforeTheyAreTaken) {
