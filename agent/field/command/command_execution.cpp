@@ -331,8 +331,8 @@ asio::awaitable<bool> CommandExecution::write_together() {
   const auto together = station_.codec->combine(requests);
   if (!together) co_return false;
   if (wire_.is_stopping()) co_return false;
-  result_.one_frame = true;
   const Exchange exchange = co_await wire_.send_once_or_twice(*together, true);
+  result_.one_frame = wire_.writes() > 0;
   const bool no_effect =
       !exchange.is_ack() && surely_without_effect(*station_.codec, *together, exchange);
   if (!no_effect) sharing_.written_together(exchange);

@@ -229,6 +229,21 @@ TEST_F(CommandOnTheBusTest, ListGoesInOneFrameWhereTheProtocolHasOne) {
   EXPECT_EQ(result.targets.size(), 3U);
 }
 
+TEST_F(CommandOnTheBusTest, ListThatIsNotSentWentInNoFrame) {
+  use_computer_link();
+  use_writable("a", "D500");
+  use_writable("b", "D600");
+  Command command =
+      command_of("b7e1", Op::write, {target_of("a", number(1)), target_of("b", number(2))});
+  command.is_list = true;
+  CommandAdmission admission(device);
+  AdmittedCommand late = admitted(admission, std::move(command), device.codec);
+  late.deadline = {};
+  const CommandResult result = run(late);
+  EXPECT_EQ(ending(result), "EXPIRED expired");
+  EXPECT_FALSE(result.one_frame);
+}
+
 TEST_F(CommandOnTheBusTest, StopThatIsRefusedForAnUnknownReasonMayHaveBeenCarriedOut) {
   use("mc-3e", codec_of("mc-3e", {{"model", std::string("FX5U")}}));
   device.commands.allow_run_stop = true;
