@@ -52,6 +52,7 @@ std::optional<DeviceState::Change> DeviceState::update(const Facts& facts, std::
     bad_value_tag_ = facts.bad_tag;
   }
   const bool had_bad_value = bad_value_ms_ && std::abs(now_ms - *bad_value_ms_) < kBadValueMs;
+  if (!had_bad_value) bad_value_ms_.reset();  // the clock may be set back to that time
   using State = DeviceStatus::State;
   DeviceStatus status = reported_;
   status.model = model_;

@@ -92,6 +92,14 @@ TEST_F(DeviceStateAnswered, BadValueEndsThoughTheClockWasSetBack) {
   EXPECT_EQ(state.update(bus_is_open(), 5000).value().status.state, State::online);
 }
 
+TEST_F(DeviceStateAnswered, BadValueThatEndedDoesNotComeBackWithAClockThatIsSetBack) {
+  auto bad = bus_is_open();
+  bad.first_bad = BadReason::bad_value;
+  ASSERT_TRUE(state.update(bad, 100'000));
+  ASSERT_EQ(state.update(bus_is_open(), 111'000).value().status.state, State::online);
+  EXPECT_FALSE(state.update(bus_is_open(), 101'000));
+}
+
 TEST_F(DeviceStateAnswered, OtherReasonsEndWithTheirTag) {
   auto bad = bus_is_open();
   bad.first_bad = BadReason::nak;
