@@ -153,6 +153,8 @@ void LinkWorker::let_leave() {
 void LinkWorker::adjust(const LinkConfig& link) {
   scheduler_.share().set_poll_share(link.poll_share);
   bus_.set_listening(link.listening);
+  // Its client could not end the yield any more.
+  if (yields_until_ && !link.allow_yield) take_back([](Reason) {});
 }
 
 void LinkWorker::adjust(std::uint32_t index, const DeviceConfig& next) {

@@ -1464,6 +1464,18 @@ TEST_F(LinkWorkerWithSetpoint, CommandThatWaitedWhenThePortWasYieldedIsForgotten
   EXPECT_EQ(wait_for_result("b7e1").status, CommandStatus::succeeded);
 }
 
+TEST_F(LinkWorkerTest, YieldThatIsNotAllowedAnyMoreEnds) {
+  config.links[0].allow_yield = true;
+  start();
+  wait_for_state(State::online, "");
+  worker->yield(SteadyTime::max(), "for GX Works", [](Reason) {});
+  wait_for_state(State::yielded, "yielded");
+  LinkConfig link = config.links[0];
+  link.allow_yield = false;
+  worker->adjust(link);
+  wait_for_state(State::online, "");
+}
+
 TEST_F(LinkWorkerTest, YieldThatIsStoppedIsAnswered) {
   start();
   wait_for_state(State::online, "");
