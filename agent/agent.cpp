@@ -83,7 +83,6 @@ std::unique_ptr<FlightRecorder> make_recorder(const Config& config) {
   if (!config.recorder) return nullptr;
   FlightRecorder::Settings settings;
   settings.directory = config.recorder->path;
-  settings.ring_bytes = ring_bytes(*config.recorder, config.links.size());
   settings.most_files = config.recorder->files;
   settings.most_bytes = config.recorder->max_bytes;
   settings.agent = config.id;

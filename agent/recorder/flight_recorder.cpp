@@ -22,8 +22,9 @@ FlightRecorder::FlightRecorder(Settings settings)
   thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
 }
 
-std::shared_ptr<FrameRing> FlightRecorder::new_ring(const std::string& link, std::string wire) {
-  auto ring = std::make_shared<FrameRing>(settings_.ring_bytes);
+std::shared_ptr<FrameRing> FlightRecorder::new_ring(const std::string& link, std::string wire,
+                                                    std::size_t bytes) {
+  auto ring = std::make_shared<FrameRing>(bytes);
   const std::lock_guard lock(mutex_);
   std::erase_if(links_, [](const auto& each) { return each.second.ring.expired(); });
   Link& place = links_[link];

@@ -24,7 +24,6 @@ class FlightRecorder final {
  public:
   struct Settings {
     std::string directory{};
-    std::size_t ring_bytes = 0;  ///< of each link
     std::size_t most_files = 0;
     std::uint64_t most_bytes = 0;
     std::string agent{};    ///< its id, for the files
@@ -43,9 +42,9 @@ class FlightRecorder final {
   FlightRecorder(const FlightRecorder&) = delete;
   FlightRecorder& operator=(const FlightRecorder&) = delete;
 
-  /// Returns a new ring for the link. `wire` describes its channel. The recorder does not own it:
-  /// without another owner it is gone.
-  std::shared_ptr<FrameRing> new_ring(const std::string& link, std::string wire);
+  /// Returns a new ring of `bytes` for the link. `wire` describes its channel. The recorder does
+  /// not own it: without another owner it is gone.
+  std::shared_ptr<FrameRing> new_ring(const std::string& link, std::string wire, std::size_t bytes);
   /// Returns the ring of the link; nullptr if there is none.
   std::shared_ptr<const FrameRing> ring_of(const std::string& link) const;
 

@@ -59,6 +59,7 @@ class FrameRing final {
   explicit FrameRing(std::size_t bytes);
   FrameRing(const FrameRing&) = delete;
   FrameRing& operator=(const FrameRing&) = delete;
+  std::size_t bytes() const { return capacity_; }
 
   /// Returns the index of the device for add(). Equal devices have one index. Any thread.
   std::uint16_t number(const RecordedDevice& device);

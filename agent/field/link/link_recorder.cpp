@@ -4,9 +4,9 @@
 
 namespace fxagent {
 
-LinkRecorder::LinkRecorder(FlightRecorder* recorder, const LinkConfig& link)
+LinkRecorder::LinkRecorder(FlightRecorder* recorder, const LinkConfig& link, std::size_t bytes)
     : recorder_(recorder), link_(link) {
-  if (recorder_ != nullptr) ring_ = recorder_->new_ring(link.name, channel_text(link));
+  if (recorder_ != nullptr) ring_ = recorder_->new_ring(link.name, channel_text(link), bytes);
 }
 
 std::uint16_t LinkRecorder::number(const DeviceConfig& device) {

@@ -44,8 +44,8 @@ class FrameBurst final {
 
 class LinkRecorder final {
  public:
-  /// `recorder`, if not null, and `link` must outlive it.
-  LinkRecorder(FlightRecorder* recorder, const LinkConfig& link);
+  /// `recorder`, if not null, and `link` must outlive it. `bytes` is the size of the ring.
+  LinkRecorder(FlightRecorder* recorder, const LinkConfig& link, std::size_t bytes);
 
   /// Returns the link's ring; nullptr without a recorder.
   const std::shared_ptr<FrameRing>& ring() const { return ring_; }

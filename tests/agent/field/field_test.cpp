@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <future>
 #include <random>
 #include <stdexcept>
 #include <thread>
@@ -10,6 +11,7 @@
 #include "agent/handover/outbox.h"
 #include "tests/agent/field/field_plant.h"
 #include "tests/protocol/gathering_codec.h"
+#include "tests/support/scratch.h"
 
 namespace fxagent::test {
 namespace {
@@ -263,6 +265,28 @@ TEST_F(FieldChangeTest, DeviceOfALinkThatDidNotBeginMayBeRemoved) {
   const std::size_t so_far = seqs["line1"].size();
   wait([&] { return seqs["line1"].size() > so_far; });
   stop();
+}
+
+TEST_F(FieldChangeTest, RingOfANewLinkHasItsShareAmongTheLinksInForce) {
+  const test::Scratch scratch;
+  FlightRecorder recorder({.directory = scratch.path("recordings"), .most_files = 1});
+  now.recorder = RecorderConfig{};
+  Outbox own{1000};
+  Field recorded(now, own, {100, 100}, Polling::on, &recorder);
+  recorded.start();
+  Config more = now;
+  for (int i = 0; i < 100; ++i)
+    more.links.push_back({"l" + std::to_string(i), SerialSettings{.path = "/dev/ttyNone9"}, {}});
+  const auto change = std::make_shared<const ConfigChange>(change_between(now, more));
+  std::promise<void> ended;
+  recorded.end(change, [&] { ended.set_value(); });
+  ended.get_future().wait();
+  std::promise<void> begun_all;
+  recorded.begin(change, {100, 100}, [&] { begun_all.set_value(); });
+  begun_all.get_future().wait();
+  EXPECT_EQ(recorder.ring_of("line1")->bytes(), ring_bytes(*now.recorder, 2));
+  EXPECT_EQ(recorder.ring_of("l99")->bytes(), ring_bytes(*now.recorder, 102));
+  recorded.stop();
 }
 
 TEST_F(FieldChangeTest, StopInTheMiddleOfAChangeLosesNothing) {

@@ -16,7 +16,6 @@ using std::chrono::milliseconds;
 struct FlightRecorderTest : testing::Test {
   void begin(std::size_t most_files = 10) {
     FlightRecorder::Settings settings{.directory = directory,
-                                      .ring_bytes = FrameRing::kLeastBytes,
                                       .most_files = most_files,
                                       .most_bytes = 1 << 20,
                                       .agent = "edge7",
@@ -25,7 +24,7 @@ struct FlightRecorderTest : testing::Test {
     recorder.emplace(settings);
   }
   std::shared_ptr<FrameRing> link(const std::string& name) {
-    auto ring = recorder->new_ring(name, "tcp 10.0.0.7:502");
+    auto ring = recorder->new_ring(name, "tcp 10.0.0.7:502", FrameRing::kLeastBytes);
     ring->add(RecordedFrame::Way::out, kNoDevice, SteadyTime(), {}, Bytes{5}, "");
     return ring;
   }

@@ -128,7 +128,7 @@ struct LinkCommandsTest : ScriptedBusTest {
   std::unique_ptr<LinkState> state;
   std::unique_ptr<Poller> poller;
   const LinkConfig of_recorder;  // it is off
-  LinkRecorder recorder{nullptr, of_recorder};
+  LinkRecorder recorder{nullptr, of_recorder, 0};
   std::unique_ptr<LinkCommands> commands;
   std::vector<CommandResult> results;
   std::vector<Telemetry> telemetry;

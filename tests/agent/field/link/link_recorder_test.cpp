@@ -14,15 +14,13 @@ using std::chrono::seconds;
 
 struct LinkRecorderTest : testing::Test {
   LinkRecorderTest() {
-    FlightRecorder::Settings settings{.directory = scratch.path("recordings"),
-                                      .ring_bytes = FrameRing::kLeastBytes,
-                                      .most_files = 10,
-                                      .most_bytes = 1 << 20};
+    FlightRecorder::Settings settings{
+        .directory = scratch.path("recordings"), .most_files = 10, .most_bytes = 1 << 20};
     settings.follows = std::chrono::hours(1);  // until the end, which does not wait
     recorder = std::make_unique<FlightRecorder>(settings);
     config.name = "line1";
     config.channel = SerialSettings{.path = "/dev/ttyUSB0"};
-    link = std::make_unique<LinkRecorder>(recorder.get(), config);
+    link = std::make_unique<LinkRecorder>(recorder.get(), config, FrameRing::kLeastBytes);
   }
   /// Ends the recorder and returns the reason of its only file; empty if there is none.
   std::string reason() {
@@ -85,7 +83,7 @@ TEST_F(LinkRecorderTest, ACommandOverItsBoundIs) {
 
 TEST(LinkRecorder, WithoutARecorderDoesNothing) {
   LinkConfig config;
-  LinkRecorder link(nullptr, config);
+  LinkRecorder link(nullptr, config, 0);
   EXPECT_EQ(link.ring(), nullptr);
   EXPECT_EQ(link.number(DeviceConfig()), kNoDevice);
   link.check_link(100, true, "");
