@@ -87,7 +87,8 @@ void FieldLinks::make_worker(std::uint32_t link, const std::vector<std::uint32_t
 
 void FieldLinks::spawn(std::uint32_t link) {
   const bool looks_up = !std::holds_alternative<SerialSettings>(config_->links[link].channel);
-  if (looks_up && !std::exchange(looks_up_, true)) start_looking_up(io_.get_executor());
+  if (looks_up && !looks_up_) start_looking_up(io_.get_executor());
+  looks_up_ = looks_up_ || looks_up;
   places_[link].runs = true;
   ++running_;
   asio::co_spawn(io_, places_[link].worker->run(), [this, link](std::exception_ptr bug) {
@@ -257,8 +258,11 @@ void FieldLinks::begin_one(std::deque<ToBegin>::iterator which) {
                 {"state", "not begun"},
                 {"reason", error.what()},
                 {"note", "the agent refuses commands for this link until the agent is restarted"}});
+    if (places_[next.link].runs) return;
+    // Its other devices do not begin either: they would be polled, and this one never.
+    std::erase_if(to_begin_, [&](const ToBegin& each) { return each.link == next.link; });
     const std::lock_guard lock(places_mutex_);
-    if (!places_[next.link].runs) places_[next.link].worker.reset();
+    places_[next.link].worker.reset();
   }
 }
 

@@ -4,6 +4,7 @@
 
 #include <future>
 #include <random>
+#include <set>
 #include <stdexcept>
 #include <thread>
 
@@ -105,6 +106,7 @@ struct FieldChangeTest : ::testing::Test {
     for (const Telemetry& message : batch.telemetry)
       seqs[std::as_const(now).devices.at(message.device).name].push_back(message.seq);
     for (const CommandResult& result : batch.results) ++results[result.id];
+    for (const DeviceStatus& status : batch.states) begun.insert(status.device);
     if (batch.health) {
       health = *batch.health;
       std::uint64_t reported = health.ended_collected - health.ended_suppressed;
@@ -161,6 +163,7 @@ struct FieldChangeTest : ::testing::Test {
   std::unique_ptr<Field> field;
   std::map<std::string, std::vector<std::uint64_t>> seqs;
   std::map<std::string, int> results;
+  std::set<std::uint32_t> begun;  ///< devices with a state
   FieldHealth health;
   int sent = 0;
 };
@@ -259,7 +262,11 @@ TEST_F(FieldChangeTest, DeviceOfALinkThatDidNotBeginMayBeRemoved) {
     more.devices.push_back(port_device(name, std::make_shared<FailingCodec>()));
     more.devices.back().link = 2;
   }
+  more.devices.push_back(port_device("fifth"));
+  more.devices.back().link = 2;
   change_without_commands(more);
+  EXPECT_TRUE(begun.contains(1));
+  EXPECT_FALSE(begun.contains(4)) << "all devices of a link begin, or none";
   more.devices.pop_back();
   change_without_commands(std::move(more));
   const std::size_t so_far = seqs["line1"].size();
