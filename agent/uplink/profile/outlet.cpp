@@ -44,7 +44,7 @@ void Outlet::take(const Outbox::Batch& batch, SteadyTime now) {
   for (const DeviceStatus& status : batch.states) profile_.device_state(status);
   if (!profile_.wants_samples()) return;
   for (const auto& [device, count] : batch.dropped) collected_ += count;
-  for (const Telemetry& sample : batch.telemetry) profile_.saw(sample);
+  for (const Telemetry& sample : batch.telemetry) profile_.saw(sample, now);
   collected_ += batch.telemetry.size();
   const bool can_go =
       (session_.is_connected() || session_.is_starting()) && shutdown_.may_publish();

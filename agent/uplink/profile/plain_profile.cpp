@@ -1,5 +1,6 @@
 #include "agent/uplink/profile/plain_profile.h"
 
+#include <algorithm>
 #include <functional>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -7,7 +8,9 @@
 #include <unordered_set>
 
 #include "agent/text/json_writer.h"
+#include "agent/uplink/jittered_backoff.h"
 #include "agent/uplink/payload/json_payload.h"
+#include "agent/uplink/samples/sample_spool.h"
 
 namespace fxagent {
 namespace {
@@ -87,24 +90,18 @@ std::vector<Subscription> PlainProfile::subscriptions() const {
 }
 
 void PlainProfile::connection_began(const Connected&) {
-  due_.push_front(retained(state_topic_, kOnline));
+  shown_[state_topic_].newest = kOnline;
   for (auto& [topic, shown] : shown_) {
-    if (shown.newest.empty()) continue;
-    shown.published = std::hash<std::string>{}(shown.newest);
-    due_.push_back(value(topic, shown.newest));
+    shown.published.reset();
+    due_.try_emplace(topic);  // after samples that were read just now
   }
+  due_.erase(state_topic_);
+  publish(state_topic_, 0);
 }
 
-/// The next connection begins with the newest values. Topics that are due to be cleared stay so.
-void PlainProfile::connection_ended() {
-  std::erase_if(due_, [](const Publication& each) { return !each.payload.empty(); });
-  for (auto& [topic, shown] : shown_) shown.published.reset();
-}
-
-/// Keeps the newest values for the next connection: samples that are lost with this one become
-/// history, which is not retained. A group that is published on change may not be read as changed
-/// for hours after the outage.
-void PlainProfile::saw(const Telemetry& sample) {
+/// Keeps the newest values: samples that find no room for 1 s become history, which is not
+/// retained. A group that is published on change may not be read as changed for hours.
+void PlainProfile::saw(const Telemetry& sample, SteadyTime now) {
   const DeviceConfig& device = config_.devices.at(sample.device);
   const std::string& group = device.groups.at(sample.group).name;
   for (const TagReading& reading : sample.readings) {
@@ -114,7 +111,12 @@ void PlainProfile::saw(const Telemetry& sample) {
     recorded.scaled = tag.point.scaled();
     recorded.bad = reading.bad;
     recorded.value = reading.value;
-    shown_[topics_.of(device.name, group, tag.name)].newest = json::bare_value(recorded);
+    const std::string topic = topics_.of(device.name, group, tag.name);
+    Shown& shown = shown_[topic];
+    shown.newest = json::bare_value(recorded);
+    if (shown.published == std::hash<std::string>{}(shown.newest)) continue;
+    SteadyTime& at = due_[topic].not_before;
+    at = std::max(at, now + SampleSpool::kLiveFor);
   }
 }
 
@@ -141,33 +143,64 @@ void PlainProfile::hear(const Message& message) {
   relay_(std::move(command));
 }
 
-void PlainProfile::change(const ConfigChange& change) {
+void PlainProfile::change(const ConfigChange&) {
   find_writable();
-  for (const std::uint32_t device : change.devices_begin)
-    undelivered(config_.devices.at(device).name);
   // Topics that no tag has any more.
-  std::unordered_set<std::string> topics;
+  std::unordered_set<std::string> topics{state_topic_};
   for (const DeviceConfig& device : config_.devices)
     for (const TagConfig& tag : device.tags)
       topics.insert(topics_.of(device.name, device.groups.at(tag.group).name, tag.name));
-  std::erase_if(shown_, [&](const auto& entry) {
-    if (topics.contains(entry.first)) return false;
-    due_.push_back(value(entry.first, ""));
-    return true;
-  });
+  for (auto& [topic, shown] : shown_) {
+    if (topics.contains(topic) || shown.newest.empty()) continue;
+    shown.newest.clear();
+    due_[topic] = {};
+  }
 }
 
-std::vector<Publication> PlainProfile::due(SteadyTime, std::int64_t) {
-  std::vector<Publication> due;
-  if (due_.empty()) return due;
-  due.push_back(std::move(due_.front()));
-  due_.pop_front();
-  return due;
+/// Sends the texts itself. They leave room for samples and results.
+std::vector<Publication> PlainProfile::due(SteadyTime now, std::int64_t) {
+  wake_ = SteadyTime::max();
+  for (auto next = due_.begin(); next != due_.end();) {
+    if (2 * flights_.size() >= outgoing_->window() || !outgoing_->has_room_for_samples()) break;
+    const auto current = next++;
+    if (current->second.not_before > now) {
+      wake_ = std::min(wake_, current->second.not_before);
+      continue;
+    }
+    const auto taken = due_.extract(current);
+    publish(taken.key(), taken.mapped().failures);
+  }
+  return {};
+}
+
+void PlainProfile::publish(const std::string& topic, int failures) {
+  const auto found = shown_.find(topic);
+  if (found == shown_.end()) return;  // cleared meanwhile
+  auto& [newest, published] = found->second;
+  published = std::hash<std::string>{}(newest);
+  const std::uint64_t id = outgoing_->send(*this, value(topic, newest));
+  flights_.emplace(id, Flight{topic, failures, newest.empty()});
+}
+
+void PlainProfile::delivered(std::uint64_t id, SteadyTime) {
+  const Flight flight = std::move(flights_.extract(id).mapped());
+  const auto shown = shown_.find(flight.topic);
+  if (flight.clears && shown != shown_.end() && shown->second.newest.empty()) shown_.erase(shown);
+}
+
+void PlainProfile::failed(const DeliveryFailed& event, SteadyTime now) {
+  const auto& [topic, failures, clears] = flights_.at(event.id);
+  if (failures == 0) log_failed(name_, event);
+  if (is_final(event.reason_code)) return delivered(event.id, now);
+  const auto shown = shown_.find(topic);
+  if (shown != shown_.end()) shown->second.published.reset();
+  due_[topic] = {now + backoff_->after(failures), failures + 1};
+  flights_.erase(event.id);
 }
 
 Publication PlainProfile::value(const std::string& topic, std::string text) const {
   Publication publication = retained(topic, std::move(text));
-  publication.qos = broker_of(config_, broker_).qos;
+  if (topic != state_topic_) publication.qos = broker_of(config_, broker_).qos;
   return publication;
 }
 
@@ -178,8 +211,9 @@ std::vector<Publication> PlainProfile::sample(const StreamKey& stream, const Sam
     std::string text = json::bare_value(reading);
     const std::size_t hash = std::hash<std::string>{}(text);
     const auto shown = shown_.find(topic);
-    if (shown == shown_.end()) continue;  // the config has it no more
+    if (shown == shown_.end() || shown->second.newest.empty()) continue;  // no tag has it any more
     if (std::exchange(shown->second.published, hash) == hash) continue;
+    if (text == shown->second.newest) due_.erase(topic);
     changed.push_back(value(topic, std::move(text)));
   }
   return changed;
@@ -190,7 +224,9 @@ void PlainProfile::undelivered(const std::string& device) {
     if (each.name != device) continue;
     for (const TagConfig& tag : each.tags) {
       const auto shown = shown_.find(topics_.of(device, each.groups.at(tag.group).name, tag.name));
-      if (shown != shown_.end()) shown->second.published.reset();
+      if (shown == shown_.end()) continue;
+      shown->second.published.reset();
+      due_.try_emplace(shown->first, Due{{}, 1});  // the refusal is logged
     }
   }
 }

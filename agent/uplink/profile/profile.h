@@ -27,8 +27,8 @@ using RelayCommand = std::function<void(RelayedCommand command)>;
 /// Uplink thread only.
 class Profile : public SamplePayload {
  public:
-  /// Called once, before all other functions. Both outlive the profile's use: it may send messages
-  /// itself when due() is called.
+  /// Called once, before all other functions. Both outlive the profile's use: it may send
+  /// messages itself in connection_began() and due().
   virtual void begin(Outgoing& /*outgoing*/, JitteredBackoff& /*backoff*/) {}
   /// Returns the message that the broker publishes if the connection ends without a clean end.
   /// Called before each attempt to connect. An empty topic: no last will.
@@ -46,7 +46,7 @@ class Profile : public SamplePayload {
   virtual bool wants_samples() const { return true; }
   virtual void device_state(const DeviceStatus& /*status*/) {}
   /// A sample has come from the field. It follows by sample(), or later as history.
-  virtual void saw(const Telemetry& /*sample*/) {}
+  virtual void saw(const Telemetry& /*sample*/, SteadyTime /*now*/) {}
   /// Adapts to a config change, which the config already contains.
   virtual void change(const ConfigChange& change) = 0;
 

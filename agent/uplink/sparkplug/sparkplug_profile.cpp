@@ -265,7 +265,7 @@ void SparkplugProfile::change(const ConfigChange& change) {
 
 // ---- samples ------------------------------------------------------------------------------------
 
-void SparkplugProfile::saw(const Telemetry& sample) {
+void SparkplugProfile::saw(const Telemetry& sample, SteadyTime) {
   Device& device = devices_.at(sample.device);
   for (const TagReading& reading : sample.readings) {
     Last& last = device.last.at(reading.tag);

@@ -39,7 +39,7 @@ class SparkplugProfile final : public sparkplug::EdgeNode {
   bool leaves_with_will() const override { return true; }
 
   std::vector<Publication> sample(const StreamKey& stream, const SampleRecord& sample) override;
-  void saw(const Telemetry& sample) override;
+  void saw(const Telemetry& sample, SteadyTime now) override;
   /// A message that was refused is missing in the order of `seq`.
   void undelivered(const std::string&) override { request_rebirth(); }
   std::shared_ptr<SampleHistory> begin_history(std::size_t max_bytes) override;

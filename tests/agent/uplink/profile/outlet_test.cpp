@@ -68,6 +68,9 @@ struct OutletTest : testing::TestWithParam<ProfileConfig::Kind> {
   void remove_press1() {
     Config wanted = config_;
     wanted.devices = {config_.devices[1]};
+    change_to(std::move(wanted));
+  }
+  void change_to(Config wanted) {
     const ConfigChange change = change_between(config_, std::move(wanted));
     config_ = change.config;
     outlet_->change(change, now_);
@@ -162,9 +165,7 @@ TEST_P(OutletTest, LiveSampleOfARemovedDeviceIsDeliveredOrDropped) {
   take(1);
   Config wanted = config_;
   wanted.devices = {test::press("press2")};
-  const ConfigChange change = change_between(config_, std::move(wanted));
-  config_ = change.config;
-  outlet_->change(change, now_);
+  change_to(std::move(wanted));
   const SampleCounts counts = drained();
   // A sample of Sparkplug needs the birth of its device.
   const std::uint64_t dropped = GetParam() == ProfileConfig::Kind::sparkplug ? 1 : 0;
@@ -326,6 +327,18 @@ TEST_P(PlainOutletTest, TopicOfARemovedDeviceIsClearedThoughASampleWaits) {
   EXPECT_EQ(broker_.on(kTemp), (std::vector<std::string>{"1", ""}));
 }
 
+TEST_P(PlainOutletTest, TopicOfARemovedTagIsClearedThoughASampleWaits) {
+  settle(1s);
+  take(1.0);
+  settle();
+  take(2.0);
+  Config wanted = config_;
+  wanted.devices[0].tags[0].name = "other";
+  change_to(std::move(wanted));
+  settle();
+  EXPECT_EQ(broker_.on(kTemp), (std::vector<std::string>{"1", ""}));
+}
+
 TEST_P(PlainOutletTest, TopicOfADeviceRemovedWhileTheBrokerIsAwayIsClearedLater) {
   settle(1s);
   take(1.0);
@@ -336,6 +349,100 @@ TEST_P(PlainOutletTest, TopicOfADeviceRemovedWhileTheBrokerIsAwayIsClearedLater)
   broker_.reachable = true;
   settle(60s);
   EXPECT_EQ(broker_.on(kTemp), std::vector<std::string>{""});
+}
+
+TEST_P(PlainOutletTest, ValueThatBecameHistoryInAConnectionIsPublished) {
+  settle(1s);
+  broker_.acknowledges = false;
+  for (int i = 0; i < 30; ++i) take(i);
+  settle();
+  settle(2s);
+  broker_.acknowledges = true;
+  broker_.acknowledge_all();
+  settle();
+  EXPECT_EQ(broker_.on(kTemp).back(), "29");
+}
+
+TEST_P(PlainOutletTest, NewestValueIsPublishedThoughThatOfTheLastConnectionWaited) {
+  settle(1s);
+  take(1.0);
+  settle();
+  broker_.receive_maximum = 1;
+  broker_.acknowledges = false;
+  lose_connection();
+  settle(10s);
+  take(2.0);
+  settle(2s);
+  broker_.acknowledges = true;
+  broker_.acknowledge_all();
+  settle();
+  EXPECT_EQ(broker_.on(kTemp), std::vector<std::string>{"2"});
+}
+
+TEST_P(PlainOutletTest, TopicThatWasBeingClearedWhenTheConnectionBrokeIsClearedLater) {
+  settle(1s);
+  take(1.0);
+  settle();
+  broker_.acknowledges = false;
+  remove_press1();
+  settle();
+  ASSERT_EQ(broker_.on(kTemp).back(), "");
+  broker_.acknowledges = true;
+  for (int i = 0; i < 2; ++i) {
+    lose_connection();
+    settle(60s);
+    EXPECT_EQ(broker_.on(kTemp), std::vector<std::string>(i == 0 ? 1 : 0, ""));
+  }
+}
+
+TEST_P(PlainOutletTest, ValueThatTheBrokerRefusesForATimeIsRepeated) {
+  settle(1s);
+  take(1.0);
+  settle();
+  broker_.acknowledges = false;
+  lose_connection();
+  settle(10s);
+  while (broker_.open() != 0) broker_.refuse_next(0x97);
+  settle();
+  EXPECT_EQ(broker_.on(kTemp).size(), 1U) << "after a pause";
+  EXPECT_LE(outlet_->step(now_), now_ + 2s);
+  settle(2s);
+  EXPECT_EQ(broker_.on(kTemp).size(), 2U);
+  while (broker_.open() != 0) broker_.refuse_next(kPacketTooLarge);
+  for (int i = 0; i < 10; ++i) settle(10s);
+  EXPECT_EQ(broker_.on(kTemp).size(), 2U) << "the broker never accepts it";
+}
+
+TEST_P(PlainOutletTest, ValueWhoseSampleTheBrokerRefusesForATimeIsRepeated) {
+  settle(1s);
+  broker_.acknowledges = false;
+  take(1.0);
+  settle();
+  broker_.refuse_next(0x97);
+  settle();
+  settle(2s);
+  EXPECT_EQ(broker_.on(kTemp), (std::vector<std::string>{"1", "1"}));
+}
+
+TEST_P(PlainOutletTest, ValuesOfTheLastConnectionLeaveRoomForSamplesAndResults) {
+  config_.devices[0].tags.resize(1);
+  for (int i = 0; i < 100; ++i)
+    config_.devices[0].tags.push_back(
+        test::tag("t" + std::to_string(i), "D300", DataType::float32));
+  settle(1s);
+  Outbox::Batch batch;
+  batch.telemetry = {test::sample(++seq_)};
+  for (std::uint32_t i = 1; i < 101; ++i)
+    batch.telemetry[0].readings.push_back(test::good(i, Value(1.0)));
+  outlet_->take(batch, now_);
+  settle();
+  broker_.acknowledges = false;
+  lose_connection();
+  settle(10s);
+  EXPECT_LE(broker_.open(), 10U);
+  take(2.0);
+  settle();
+  EXPECT_EQ(broker_.on(kTemp).back(), "2");
 }
 
 struct OutletResultsTest : OutletTest {
