@@ -112,7 +112,7 @@ TEST_F(SerialTransportTest, PortThatCannotSwitchTheDirectionIsLinkDownAndNamed) 
   EXPECT_TRUE(open(*port(pty.path()))) << "free again";
 }
 
-TEST_F(SerialTransportTest, PortOfAnotherProgramIsLeftAlone) {
+TEST_F(SerialTransportTest, PortThatIsLockedIsLeftAlone) {
   const Pty pty;
   const int other = ::open(pty.path().c_str(), O_RDWR | O_NOCTTY);
   ASSERT_GE(other, 0);
@@ -120,7 +120,7 @@ TEST_F(SerialTransportTest, PortOfAnotherProgramIsLeftAlone) {
   const auto transport = port(pty.path());
   const auto error = error_of(open(*transport));
   EXPECT_EQ(error.code, ErrorCode::link_down);
-  expect_says(error.text, "another program");
+  expect_says(error.text, "is locked");
   ::close(other);
   EXPECT_TRUE(open(*transport)) << "free again";
 }

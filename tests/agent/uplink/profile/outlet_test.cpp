@@ -496,6 +496,17 @@ TEST_P(OutletResultsTest, EmptyMessageIsACommandUnlessItMayOnlyClearTheTopic) {
   EXPECT_FALSE(hears(false)) << "MQTT 3.1.1 has no retain flag here";
 }
 
+TEST_P(OutletResultsTest, StopWaitsForAResultThatTheBrokerRefusedForATime) {
+  broker_.acknowledges = false;
+  answer("one");
+  broker_.refuse_next(0x97);
+  settle();
+  settle(900ms);
+  broker_.acknowledges = true;
+  EXPECT_LE(stop(), 1s);
+  EXPECT_EQ(results().size(), 2U);
+}
+
 TEST_P(OutletResultsTest, ResultThatTheBrokerWillNeverAcceptIsNotRepeated) {
   broker_.acknowledges = false;
   answer("one");
