@@ -107,7 +107,7 @@ class Outlet final : private Outgoing::Sender {
   std::uint64_t dropped_results_ = 0;
   // Of this connection.
   std::set<std::string> refused_;           ///< filters of subscriptions, logged
-  std::optional<SteadyTime> subscribe_at_;  ///< to these again
+  std::optional<SteadyTime> subscribe_at_;  ///< time of the next SUBSCRIBE to these
   int refusals_ = 0;                        ///< rounds of subscriptions with a refusal
 };
 

@@ -27,7 +27,7 @@ using RelayCommand = std::function<void(RelayedCommand command)>;
 /// Uplink thread only.
 class Profile : public SamplePayload {
  public:
-  /// Called once, before all other functions. Both outlive the profile's use: it may send
+  /// Called once, before messages are sent or received. Both outlive the profile's use: it may send
   /// messages itself in connection_began() and due().
   virtual void begin(Outgoing& /*outgoing*/, JitteredBackoff& /*backoff*/) {}
   /// Returns the message that the broker publishes if the connection ends without a clean end.
