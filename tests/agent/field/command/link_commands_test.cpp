@@ -458,11 +458,11 @@ struct RecordedCommands : LinkCommandsTest {
                          [](DeviceConfig& device) { device.turnaround = milliseconds(0); }) {
     files = std::make_unique<FlightRecorder>(
         FlightRecorder::Settings{.directory = scratch.path("recordings"),
-                                 .ring_bytes = FrameRing::kLeastBytes,
                                  .most_files = 10,
                                  .most_bytes = 1 << 20,
                                  .follows = std::chrono::hours(1)});
-    recording = std::make_unique<LinkRecorder>(files.get(), config.links[0]);
+    recording =
+        std::make_unique<LinkRecorder>(files.get(), config.links[0], FrameRing::kLeastBytes);
     commands = std::make_unique<LinkCommands>(
         io.get_executor(), LinkParts{config.links[0], 0, *bus, scheduler, devices, outbox}, *state,
         *poller, *recording);
