@@ -128,8 +128,8 @@ BEGIN
   GET DIAGNOSTICS stored = ROW_COUNT;
   repeated := jsonb_array_length(batch->'samples') - stored;
 
-  -- Two consumers of a share may store the health of one boot in another order. A newer health has an earlier time if the
-  -- clock was ahead, or is wrong after a restart.
+  -- Two consumers of a share may store health messages in another order. The time alone does not decide: a clock may have been
+  -- ahead, or be behind after a restart. The last health of the boot before may win for a minute.
   INSERT INTO agents AS a (agent, boot, ts, waiting)
   SELECT DISTINCT ON (h.agent) h.agent, h.boot, to_timestamp(h.ts / 1000.0), h.waiting
   FROM ROWS FROM (jsonb_to_recordset(batch->'health') AS (agent text, boot text, ts bigint, waiting bigint))

@@ -40,6 +40,8 @@ class SamplePayload {
   virtual std::vector<Publication> sample(const StreamKey& stream, const SampleRecord& sample) = 0;
   /// Samples of the device were refused. They become history, or are dropped.
   virtual void undelivered(const std::string& /*device*/) {}
+  /// Same for samples of its history.
+  virtual void history_undelivered(const std::string& device) { undelivered(device); }
   /// Returns an empty history message of at most `max_bytes`. Call its take() only while this
   /// object exists. The store's thread may add rows to it even later.
   virtual std::shared_ptr<SampleHistory> begin_history(std::size_t max_bytes) = 0;

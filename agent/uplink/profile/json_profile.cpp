@@ -31,6 +31,11 @@ std::vector<Subscription> JsonProfile::subscriptions() const {
   return {{config_.base_topic() + "/+/command", /*no_local=*/true}};
 }
 
+void JsonProfile::connection_ended() {
+  retained_->connection_ended();
+  if (relay_) not_heard_why_.reset();
+}
+
 void JsonProfile::subscribed(const Subscribed& event) {
   const auto why = event.granted ? std::nullopt : std::optional(event.text);
   if (std::exchange(not_heard_why_, why) != why) retained_->agent_state_changed();

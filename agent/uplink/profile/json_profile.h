@@ -27,7 +27,7 @@ class JsonProfile final : public Profile {
   Publication last_will() override { return payload_.last_will(); }
   std::vector<Subscription> subscriptions() const override;
   void connection_began(const Connected&) override { retained_->connection_began(); }
-  void connection_ended() override { retained_->connection_ended(); }
+  void connection_ended() override;
   SteadyTime next_wake() const override { return wake_; }
   void subscribed(const Subscribed& event) override;
   void hear(const Message& message) override;

@@ -6,13 +6,14 @@
 #include <type_traits>
 #include <utility>
 #include <variant>
+#include <vector>
 
 #include "agent/log/log.h"
 
 namespace fxagent {
 namespace {
 
-constexpr std::size_t kMostResults = 200;  // that wait for the broker
+constexpr std::size_t kMostResultBytes = std::size_t{4} << 20;  // that wait for the broker
 constexpr std::chrono::seconds kLastSubscribe{60};
 
 }  // namespace
@@ -169,6 +170,7 @@ void Outlet::send(SteadyTime now) {
   samples_.settle(now, running);
   take_results(now);
   if (session_.is_connected() && shutdown_.may_publish()) {
+    send_results(now);  // a thousand states may be due after a connect
     while (outgoing_.has_room()) {
       auto due = profile_.due(now, utc_ms_());
       if (due.empty()) break;
@@ -187,17 +189,22 @@ void Outlet::take_results(SteadyTime now) {
     log::warn("results_dropped", {{"profile", settings_.name},
                                   {"state", "over"},
                                   {"count", std::to_string(std::exchange(dropped_results_, 0))}});
-  for (Publication& each : profile_.take_results()) results_.push_back({std::move(each), now});
-  for (; results_.size() > kMostResults; results_.pop_front())
+  std::vector<Publication> fresh = profile_.take_results();
+  if (fresh.empty()) return;
+  for (Publication& each : fresh) results_.push_back({std::move(each), now});
+  std::size_t bytes = 0;
+  for (const Result& each : results_) bytes += each.publication.payload.size();
+  for (; bytes > kMostResultBytes; results_.pop_front()) {
+    bytes -= results_.front().publication.payload.size();
     if (++dropped_results_ == 1)
       log::error("results_dropped", {{"profile", settings_.name},
-                                     {"note", "more than " + std::to_string(kMostResults) +
-                                                  " results wait for this broker, so the oldest "
-                                                  "are dropped; the broker of mqtt gets all"}});
+                                     {"note",
+                                      "more than 4 MiB of results wait for this broker, so the "
+                                      "oldest are dropped; the broker of mqtt gets all"}});
+  }
 }
 
-/// A result that overtook a sample read before it would be followed by an older value. Such a
-/// sample has found room, or is history, within a second.
+/// Sends results in order. A result waits for live samples that were read before it, at most 1 s.
 void Outlet::send_results(SteadyTime now) {
   for (Result& each : results_) {
     if (!outgoing_.has_room() || samples_.has_live_from(each.since)) return;

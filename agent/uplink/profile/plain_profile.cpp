@@ -115,8 +115,7 @@ void PlainProfile::saw(const Telemetry& sample, SteadyTime now) {
     Shown& shown = shown_[topic];
     shown.newest = json::bare_value(recorded);
     if (shown.published == std::hash<std::string>{}(shown.newest)) continue;
-    SteadyTime& at = due_[topic].not_before;
-    at = std::max(at, now + SampleSpool::kLiveFor);
+    due_.try_emplace(topic, Due{now + SampleSpool::kLiveFor, 0});
   }
 }
 
@@ -157,10 +156,12 @@ void PlainProfile::change(const ConfigChange&) {
   }
 }
 
-/// Sends the texts itself. They leave room for samples and results.
+/// Sends the texts itself, each topic in its turn. They leave room for samples and results.
 std::vector<Publication> PlainProfile::due(SteadyTime now, std::int64_t) {
   wake_ = SteadyTime::max();
-  for (auto next = due_.begin(); next != due_.end();) {
+  auto next = due_.upper_bound(last_due_);
+  for (std::size_t left = due_.size(); left > 0; --left) {
+    if (next == due_.end()) next = due_.begin();
     if (2 * flights_.size() >= outgoing_->window() || !outgoing_->has_room_for_samples()) break;
     const auto current = next++;
     if (current->second.not_before > now) {
@@ -169,6 +170,7 @@ std::vector<Publication> PlainProfile::due(SteadyTime now, std::int64_t) {
     }
     const auto taken = due_.extract(current);
     publish(taken.key(), taken.mapped().failures);
+    last_due_ = taken.key();
   }
   return {};
 }
@@ -177,7 +179,8 @@ void PlainProfile::publish(const std::string& topic, int failures) {
   const auto found = shown_.find(topic);
   if (found == shown_.end()) return;  // cleared meanwhile
   auto& [newest, published] = found->second;
-  published = std::hash<std::string>{}(newest);
+  const std::size_t hash = std::hash<std::string>{}(newest);
+  if (std::exchange(published, hash) == hash) return;
   const std::uint64_t id = outgoing_->send(*this, value(topic, newest));
   flights_.emplace(id, Flight{topic, failures, newest.empty()});
 }
@@ -200,7 +203,9 @@ void PlainProfile::failed(const DeliveryFailed& event, SteadyTime now) {
 
 Publication PlainProfile::value(const std::string& topic, std::string text) const {
   Publication publication = retained(topic, std::move(text));
-  if (topic != state_topic_) publication.qos = broker_of(config_, broker_).qos;
+  // A topic counts as cleared only when the broker has acknowledged it.
+  if (topic != state_topic_ && !publication.payload.empty())
+    publication.qos = broker_of(config_, broker_).qos;
   return publication;
 }
 
@@ -213,7 +218,10 @@ std::vector<Publication> PlainProfile::sample(const StreamKey& stream, const Sam
     const auto shown = shown_.find(topic);
     if (shown == shown_.end() || shown->second.newest.empty()) continue;  // no tag has it any more
     if (std::exchange(shown->second.published, hash) == hash) continue;
-    if (text == shown->second.newest) due_.erase(topic);
+    if (text == shown->second.newest)
+      due_.erase(topic);
+    else
+      due_.try_emplace(topic);  // of a sample that waited
     changed.push_back(value(topic, std::move(text)));
   }
   return changed;

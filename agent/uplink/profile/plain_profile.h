@@ -50,6 +50,7 @@ class PlainProfile final : public Profile, private Outgoing::Sender {
 
   std::vector<Publication> sample(const StreamKey& stream, const SampleRecord& sample) override;
   void undelivered(const std::string& device) override;
+  void history_undelivered(const std::string&) override {}
   std::shared_ptr<SampleHistory> begin_history(std::size_t max_bytes) override;
 
  private:
@@ -89,6 +90,7 @@ class PlainProfile final : public Profile, private Outgoing::Sender {
   std::unordered_map<std::string, std::pair<std::string, std::string>> writable_;
   std::unordered_map<std::string, Shown> shown_;  ///< by topic
   std::map<std::string, Due> due_;                ///< by topic; its newest text is published
+  std::string last_due_;                          ///< topic that was published last of due_
   std::map<std::uint64_t, Flight> flights_;       ///< by publication id, without those of samples
   SteadyTime wake_ = SteadyTime::max();           ///< after due()
   std::vector<Publication> results_;

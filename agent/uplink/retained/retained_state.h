@@ -64,9 +64,9 @@ class RetainedState final : public Outgoing::Sender {
   bool clear(const std::string& topic) { return due_.try_emplace({Item::clear, 0, topic}).second; }
 
   /// Processes a text received on one of our topics. `item`: agent_state, with `device` 0;
-  /// device_state or device_meta. If it is
-  /// not what we published, ours is published again, at least 1 s after its last publication. A
-  /// text that was there before ours does not count: ours comes back after it.
+  /// device_state or device_meta. If it is not what we published, ours is published again, at
+  /// least 1 s after its last publication. A text that was there before ours does not count: ours
+  /// comes back after it.
   void heard(Item item, std::uint32_t device, std::string_view payload, SteadyTime now);
 
   /// Adapts to a config change, as `config` and `states` have done already. Stops publishing what

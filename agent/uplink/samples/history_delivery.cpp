@@ -85,7 +85,7 @@ void HistoryDelivery::delivered(std::uint64_t id, SteadyTime now) {
 void HistoryDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
   const auto [history, max_bytes, since] = ended(event.id, now);
   const HistoryBatch& batch = history.batch;
-  payload_.undelivered(batch.stream.device);
+  payload_.history_undelivered(batch.stream.device);
   const bool can_be_cut = event.reason_code == kPacketTooLarge && batch.row_ids.size() > 1;
   if (is_final(event.reason_code) && !can_be_cut) {
     log::warn("history_refused", {{"device", batch.stream.device},

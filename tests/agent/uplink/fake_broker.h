@@ -44,6 +44,10 @@ class FakeBroker final : public Broker {
       events_.push_back(DeliveryFailed{publication.id, 0, "no more room"});
       return;
     }
+    if (!refuses_topic.empty() && publication.topic.find(refuses_topic) != std::string::npos) {
+      events_.push_back(DeliveryFailed{publication.id, 0x97, "quota exceeded"});
+      return;
+    }
     most_open = std::max(most_open, open_.size() + 1);
     if (acknowledges || (acknowledges_qos0 && publication.qos == 0))
       take(publication);
@@ -123,6 +127,7 @@ class FakeBroker final : public Broker {
   bool echoes = false;             ///< delivers published messages to matching subscriptions
   bool refuses_states = false;     ///< refuses all subscriptions except to commands
   std::string refusal;             ///< the error in SUBACK; empty: granted
+  std::string refuses_topic;       ///< part of the topics that it refuses for a time
   bool acknowledgements_awaited = true;
   bool held = false;
   std::size_t let_in = 0;  ///< messages let in while held, in total

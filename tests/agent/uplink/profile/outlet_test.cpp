@@ -445,6 +445,23 @@ TEST_P(PlainOutletTest, ValuesOfTheLastConnectionLeaveRoomForSamplesAndResults) 
   EXPECT_EQ(broker_.on(kTemp).back(), "2");
 }
 
+TEST_P(PlainOutletTest, ValueThatChangesOftenIsPublishedThoughAnotherOfItsDeviceIsRefused) {
+  settle(1s);
+  broker_.refuses_topic = "/setpoint";
+  const auto take_both = [this](double value) {
+    Outbox::Batch batch;
+    batch.telemetry = {test::sample(++seq_)};
+    batch.telemetry[0].readings = {test::good(0, Value(value)), test::good(1, Value(value))};
+    outlet_->take(batch, now_);
+    settle(500ms);
+  };
+  for (int i = 0; i < 300; ++i) take_both(i);
+  broker_.log.clear();
+  for (int i = 300; i < 320; ++i) take_both(i);
+  ASSERT_FALSE(broker_.on(kTemp).empty());
+  EXPECT_GE(std::stod(broker_.on(kTemp).back()), 316);
+}
+
 struct OutletResultsTest : OutletTest {
   OutletResultsTest() {
     settle(1s);
@@ -519,16 +536,37 @@ TEST_P(OutletResultsTest, OldestResultsAreDroppedIfTheBrokerIsAway) {
   broker_.reachable = false;
   lose_connection();
   testing::internal::CaptureStderr();
-  for (int i = 0; i < 250; ++i) answer(std::to_string(i));
+  for (int i = 100; i < 200; ++i)
+    answer(std::to_string(i) + std::string((std::size_t{1} << 16) - 3, ' '));
   broker_.reachable = true;
   settle(60s);
   settle();
   const std::string log = testing::internal::GetCapturedStderr();
-  ASSERT_EQ(results().size(), 200U);
-  EXPECT_EQ(results().front(), "50");
-  EXPECT_EQ(results().back(), "249");
+  ASSERT_EQ(results().size(), 64U);
+  EXPECT_EQ(results().front().substr(0, 3), "136");
+  EXPECT_EQ(results().back().substr(0, 3), "199");
   test::expect_says(log, "error results_dropped");
-  test::expect_says(log, "state=over count=50");
+  test::expect_says(log, "state=over count=36");
+}
+
+TEST_P(OutletResultsTest, AllOfManyResultsAreSent) {
+  for (int i = 0; i < 1000; ++i) relayed_.at(0).reply(std::to_string(i));
+  for (int i = 0; i < 10; ++i) settle();
+  EXPECT_EQ(results().size(), 1000U);
+}
+
+TEST_P(OutletResultsTest, ResultIsSentThoughSamplesNeverStop) {
+  broker_.receive_maximum = 1;
+  lose_connection();
+  settle(60s);
+  broker_.acknowledges = false;
+  for (int i = 0; i < 20; ++i) {
+    take(i);
+    if (i == 10) answer("one");
+    settle(10ms);
+    broker_.acknowledge_all();
+  }
+  EXPECT_EQ(results().size(), 1U);
 }
 
 TEST_P(OutletResultsTest, ResultDoesNotOvertakeSamplesReadBefore) {
