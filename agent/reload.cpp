@@ -237,7 +237,7 @@ void Reload::hear(const std::string& desired) {
 }
 
 void Reload::take_over(Next next) {
-  // Such as another broker for a gateway of a pair.
+  // In a pair, a remote config with other mqtt.servers needs a restart.
   if (const ConfigErrors errors = needs_restart(*running_, next.config); !errors.empty())
     return remote_.refuse(next, errors, moment());
   const bool is_desired = next.why == Next::Why::desired;

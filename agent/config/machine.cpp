@@ -7,7 +7,6 @@
 #include <filesystem>
 #include <fstream>
 #include <map>
-#include <sstream>
 #include <string>
 #include <string_view>
 #include <system_error>
@@ -15,6 +14,7 @@
 
 #include "agent/config/json/tree.h"
 #include "agent/config/source.h"
+#include "agent/config/token_line.h"
 #include "agent/log/log.h"
 #include "agent/process/port_access.h"
 #include "agent/process/this_process.h"
@@ -90,17 +90,12 @@ std::string why_weak(const std::string& path) {
   int number = 0;
   for (std::string line; std::getline(file, line);) {
     ++number;
-    std::istringstream words(line);
-    std::string name;
-    std::string token;
-    std::string more;
-    words >> name >> token >> more;
-    if (name.empty() || name.starts_with('#')) continue;
+    const auto [name, token, is_too_long] = token_line(line);
     const std::string place = shown(path) + ": line " + std::to_string(number);
-    if (!more.empty())
+    if (is_too_long)
       return place +
              " is ignored, because it has more than a name and a token; no name has a space";
-    if (token.empty()) token = name;
+    if (token.empty()) continue;
     if (const auto [other, fresh] = lines.emplace(token, number); !fresh)
       return place + " has the token of line " + std::to_string(other->second);
     if (token.size() < kShortest)

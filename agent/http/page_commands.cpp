@@ -7,10 +7,10 @@
 #include <chrono>
 #include <fstream>
 #include <mutex>
-#include <sstream>
 #include <string_view>
 #include <utility>
 
+#include "agent/config/token_line.h"
 #include "agent/file_handle.h"
 #include "agent/log/log.h"
 #include "agent/text/json.h"
@@ -34,20 +34,13 @@ bool same(std::string_view one, std::string_view other) {
   return difference == 0;
 }
 
-/// Finds the token in the file. Each line is "NAME TOKEN" or "TOKEN"; # begins a comment. A
-/// line with more words is ignored: a name with a space would make a word of it the token. Returns
-/// the name, which may be empty; nullopt: the file has no such token.
+/// Finds the token in the file. Returns its name, which may be empty; nullopt: the file has no such
+/// token.
 std::optional<std::string> name_of(std::string_view token, std::istream& file) {
   std::optional<std::string> found;
   for (std::string line; std::getline(file, line);) {
-    std::istringstream words(line);
-    std::string name;
-    std::string known;
-    std::string more;
-    words >> name >> known >> more;
-    if (name.empty() || name.starts_with('#') || !more.empty()) continue;
-    if (known.empty()) std::swap(name, known);
-    if (same(known, token)) found = name;
+    const TokenLine known = token_line(line);
+    if (!known.token.empty() && same(known.token, token)) found = known.name;
   }
   return found;
 }

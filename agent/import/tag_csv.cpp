@@ -171,7 +171,7 @@ void TagCsvReader::take_tag(const CsvRow& row) {
     } else if (is_json_of(keys[i], std::string(row.at(column)))) {
       tag.keys[keys[i].name] = JsonObject::parse(row.at(column));
     } else if (!row.at(column).empty()) {
-      const bool is_comma = keys[i].is_number() && cell.find(',') != cell.npos;
+      const bool is_comma = keys[i].type == ConfigKey::Type::number && cell.find(',') != cell.npos;
       return out_.leave_out(row.line, std::string(keys[i].name) + " must be " +
                                           (keys[i].is_number() ? "a number" : "a JSON object") +
                                           ", found \"" + cell + "\"" +

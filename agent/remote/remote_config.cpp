@@ -230,7 +230,7 @@ std::optional<Next> RemoteConfig::hear(std::string_view payload, Moment now) {
     if (in_force_.would_move_again((*config)->mqtt.servers)) {
       kept_.end_judging();
       held_ = payload;
-      answer_.clear_rejected();  // an older document
+      answer_.clear_rejected();  // a reload would judge it again in place of this one
       answer_.publish_again();
       log::info("remote_config",
                 {{"note", "another change of mqtt.servers waits for the end of the trial"},
@@ -303,6 +303,7 @@ void RemoteConfig::accept(Next next, Moment now) {
       kept.good = in_force;
       kept.trying.reset();
       kept_.watch(in_force, now.steady);
+      if (!held_.empty()) judge_again_ = std::exchange(held_, {});  // the trial has ended
       return kept_.save_or_log("the removal of a config that the local file no longer allows");
     case Next::Why::desired:
       in_force_.put_on_trial(std::move(next.document), std::move(next.servers), now.steady);

@@ -128,15 +128,16 @@ BEGIN
   GET DIAGNOSTICS stored = ROW_COUNT;
   repeated := jsonb_array_length(batch->'samples') - stored;
 
-  -- Two consumers of a share may store health messages in another order. The time alone does not decide: a clock may have been
-  -- ahead, or be behind after a restart. The last health of the boot before may win for a minute.
+  -- Each consumer gets every health, and one that was away stores old ones late. The time alone does not decide: a clock may
+  -- have been ahead, or be behind after a restart. A boot that is new here is newer.
   INSERT INTO agents AS a (agent, boot, ts, waiting)
   SELECT DISTINCT ON (h.agent) h.agent, h.boot, to_timestamp(h.ts / 1000.0), h.waiting
   FROM ROWS FROM (jsonb_to_recordset(batch->'health') AS (agent text, boot text, ts bigint, waiting bigint))
        WITH ORDINALITY AS h(agent, boot, ts, waiting, place)
   ORDER BY h.agent, h.place DESC
   ON CONFLICT (agent) DO UPDATE SET boot = excluded.boot, ts = excluded.ts, waiting = excluded.waiting
-    WHERE a.boot <> excluded.boot OR a.ts <= excluded.ts OR a.ts > now();
+    WHERE CASE WHEN a.boot = excluded.boot THEN a.ts <= excluded.ts OR a.ts > now()
+               ELSE NOT EXISTS (SELECT FROM dropped d WHERE d.agent = a.agent AND d.boot = excluded.boot) END;
 
   INSERT INTO dropped AS d (agent, device, boot, ts, dropped, baseline)
   SELECT n.agent, n.device, n.boot, to_timestamp(max(n.ts) / 1000.0), max(n.dropped),
@@ -263,7 +264,7 @@ CREATE OR REPLACE VIEW history.reused_numbers AS
 SELECT agent, device, seq, count(*) AS samples FROM history.samples GROUP BY agent, device, seq HAVING count(*) > 1;
 
 -- Ranges of numbers that are not here. `kind` is `missing`, or `skipped` if the numbers before and after have different
--- boots: a new boot may skip numbers after a crash with `sync: offline`, or without a store.
+-- boots: a new boot may skip numbers after a crash with `sync: offline`, without a store, or at a takeover of a pair.
 CREATE OR REPLACE VIEW history.gaps AS
 SELECT n.agent, n.device, n.before_seq + 1 AS first, n.seq - 1 AS last, n.seq - n.before_seq - 1 AS numbers,
        CASE WHEN n.boot = n.before_boot THEN 'missing' ELSE 'skipped' END AS kind,
@@ -276,7 +277,7 @@ FROM (SELECT s.agent, s.device, s.seq, s.boot, s.ts,
 WHERE n.before_boot IS NOT NULL AND n.seq > n.before_seq + 1;
 
 -- One row a device. `dropped`: samples that the agent reported as dropped. `unexplained`: missing beyond that. The verdict
--- names skipped numbers: with `sync: always` they are a loss.
+-- names skipped numbers: with `sync: always` and no pair they are a loss.
 CREATE OR REPLACE VIEW history.streams AS
 SELECT s.agent, s.device, s.samples, s.first, s.last, s.boots, coalesce(g.missing, 0) AS missing,
        coalesce(g.skipped, 0) AS skipped, coalesce(d.dropped, 0) AS dropped,

@@ -384,7 +384,8 @@ class Schema(unittest.TestCase):
         day = 86_400_000
 
         def waiting_after(*healths):
-            rows = [{"agent": "fx/a", "boot": boot, "ts": ts, "waiting": waiting, "dropped": {}} for boot, ts, waiting in healths]
+            rows = [{"agent": "fx/a", "boot": boot, "ts": ts, "waiting": waiting, "dropped": {"press1": 0}}
+                    for boot, ts, waiting in healths]
             self.database.psql(f"SELECT history.put('{json.dumps({'samples': [], 'health': rows, 'refused': []})}')", user="writer")
             return self.database.value("SELECT waiting FROM history.agents")
 
@@ -393,6 +394,7 @@ class Schema(unittest.TestCase):
         self.assertEqual(waiting_after(("b1", now - 2000, 2), ("b1", now + 4000 * day, 7), ("b1", now - 1000, 3)), 3)
         self.assertEqual(waiting_after(("b1", now - 2000, 2)), 3, "another consumer was slow")
         self.assertEqual(waiting_after(("b2", now - 4000 * day, 4)), 4, "the clock is wrong since the restart")
+        self.assertEqual(waiting_after(("b1", now - 1000, 3)), 4, "another consumer was away during the restart")
         self.assertEqual(waiting_after(("b2", now, 5)), 5)
 
     def psql_again(self):

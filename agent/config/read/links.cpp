@@ -66,8 +66,8 @@ void read_place(ConfigReader& reader, const ConfigNode& link, const ConfigNode& 
                         : has_port ? "; the number after the colon belongs in \"port\""
                         : settings.host.starts_with('[') ? "; remove the brackets"
                                                          : ""));
-    if (const auto fault = number_fault(settings.host); !fault.empty())
-      reader.error(*node.find("host"), "\"" + settings.host + "\" " + std::string(fault));
+    else if (const auto fault = number_fault(settings.host); !fault.empty())
+      reader.error(*node.find("host"), "\"" + shown(settings.host) + "\" " + std::string(fault));
   }
   const auto number = reader.integer(node, port);
   settings.port = static_cast<std::uint16_t>(number.value_or(0));

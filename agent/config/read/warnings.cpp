@@ -83,7 +83,7 @@ void warn_of_lines(ConfigReader& reader, const ConfigNode& links,
       continue;
     const ConfigNode& link = links.children[device.link];
     const std::string model = model_of(*device.codec);
-    const bool is_module = model == "Q" || model == "L";  // of mc-1e
+    const bool is_module = model == "Q" || model == "L";  // E71 modules answer any port
     const auto* udp = std::get_if<UdpSettings>(&config.links[device.link].channel);
     if (udp != nullptr && udp->local_port == 0 && device.protocol->name == "mc-1e" && !is_module &&
         !judged[device.link]) {

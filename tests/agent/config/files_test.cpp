@@ -196,7 +196,8 @@ TEST_F(ConfigFiles, TokensThatCanBeGuessedAreNamedByTheirLine) {
     return weak_secrets(good(plant.dump()));
   };
   const std::string long_one = "0123456789abcdef";
-  for (const std::string& tokens : {long_one, "anna " + long_one, "# short\n\nanna " + long_one})
+  for (const std::string& tokens : {long_one, "anna " + long_one, "# short\n\nanna " + long_one,
+                                    "anna " + long_one + " # press shop"})
     EXPECT_TRUE(with(tokens + "\n").empty()) << tokens;
   expect_error(with("anna " + long_one + "\nbert\n"), "/http/token_file",
                {"line 2", "fewer than 16 characters", "NAME TOKEN or TOKEN"});

@@ -449,6 +449,19 @@ TEST_F(RemoteConfigTest, WhoHasSentARolledBackOneIsKept) {
   EXPECT_EQ(plant.remote().report().desired.by, "ann");
 }
 
+TEST_F(RemoteConfigTest, OneThatWaitsIsJudgedWhenTheLocalFileEndsTheTrial) {
+  plant.local()["agent"]["remote_allow"] = {"mqtt.servers", "devices"};
+  for (const char* key : {"username", "password", "allow_plain_secret"})
+    plant.local()["mqtt"].erase(key);
+  plant.write();
+  plant.start();
+  EXPECT_TRUE(plant.hear(with_server("b", "mqtt://192.0.2.2")));
+  EXPECT_FALSE(plant.hear(with_server("d", "mqtt://192.0.2.4")));
+  plant.set("/agent/remote_allow", {"devices"});
+  EXPECT_TRUE(plant.hang_up());
+  plant.pass(1s);
+  EXPECT_NE(plant.said().find("rejected \"d\""), std::string::npos) << plant.said();
+}
 TEST_F(RemoteConfigAfterV1, AnOlderRejectedOneDoesNotComeBackOverARolledBackOne) {
   plant.start();  // after a crash
   plant.hear(plant.with_retries("v0", 99));

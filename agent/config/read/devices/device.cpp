@@ -456,8 +456,11 @@ void DeviceReader::check_span(const ConfigNode& node, const TagConfig& tag) {
   }
   check_exists(address, *span);
   std::uint32_t longest = 0;
-  for (const ReadWay& way : ways_.at(span->space)) longest = std::max(longest, way.max_bits);
-  if (device_.max_block_bytes != 0) longest = std::min(longest, device_.max_block_bytes * 8);
+  for (const ReadWay& way : ways_.at(span->space)) {
+    std::uint32_t bits = way.max_bits;
+    if (device_.max_block_bytes != 0) bits = std::min(bits, device_.max_block_bytes * 8);
+    longest = std::max({longest, bits, way.unit_bits});
+  }
   const bool is_one_value = !tag.point.is_array && tag.point.type != DataType::string;
   if (is_one_value && longest < span->bits)
     reader_.warn(address,
