@@ -361,6 +361,19 @@ class InChromium(Browser, PagePlant):
         self.do(until="window.fetch = async () => new Response('<html>502 Bad Gateway</html>', {status: 502}), true")
         self.see("The agent does not answer: HTTP status 502")
 
+    def test_an_agent_whose_config_cannot_be_had_is_missed(self):
+        self.begin()
+        self.browse()
+        self.open("now")
+        self.see("Every device answers")
+        self.do(until="""window.fetch = ((real) => (path, more) => path === '/api/config' && !window.mended
+            ? Promise.reject(new TypeError('planted')) : real(path, more))(window.fetch), true""")
+        self.reload(lambda config: config["devices"][0]["tags"][0].update(name="warmth"))
+        self.do(until="document.title === '■ edge7 – fxagent' && !document.body.innerText.includes('all is well')")
+        self.do(until="window.mended = true")
+        self.see("Every device answers")
+        self.do(until="document.title === 'edge7 – fxagent'")
+
     def test_ten_thousand_tags_make_few_rows(self):
         self.begin(many=9994)
         # An agent on a busy machine answers so until its status is new again.

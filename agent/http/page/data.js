@@ -90,7 +90,7 @@ async function ask() {
       (groups ? `&groups=${groups}` : '') + (want.link === null ? '' : `&link=${want.link}`));
     if (news && (news.boot !== data.config.boot || news.hash !== data.config.hash)) {
       if (news.boot !== data.config.boot) Object.assign(data, {events: [], lastEvent: 0, lastCommands: []});
-      data.config = null;
+      await takeConfig();
       return await ask();
     }
     if (news) take(news);
