@@ -374,6 +374,18 @@ class InChromium(Browser, PagePlant):
         self.see("Every device answers")
         self.do(until="document.title === 'edge7 – fxagent'")
 
+    def test_an_agent_that_was_missed_once_is_well_again_without_any_change(self):
+        self.begin()
+        self.browse()
+        self.open("now")
+        self.see("Every device answers")
+        # One question fails. From then on nothing has changed for a page that has the last answer.
+        self.do(until="""window.fetch = ((real) => async (path, more) => {
+            if (!window.failed) { window.failed = true; throw new TypeError('planted'); }
+            return path.startsWith('/api/changes?since=0&') ? await real(path, more) : new Response(null, {status: 304});
+          })(window.fetch), true""")
+        self.do(until="window.failed && document.title === 'edge7 – fxagent' && document.body.innerText.includes('Every device answers')")
+
     def test_ten_thousand_tags_make_few_rows(self):
         self.begin(many=9994)
         # An agent on a busy machine answers so until its status is new again.

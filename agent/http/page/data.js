@@ -101,5 +101,6 @@ async function ask() {
     // What was well then may not be so now.
     data.problems = [{severity: 'bad', text: 'The agent does not answer', cure: 'Check that it runs, and see its log.'}];
     data.works = 'not known';
+    data.now = 0;  // the next answer has the verdict, even if nothing has changed
   }
 }
