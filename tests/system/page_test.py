@@ -477,6 +477,20 @@ class InChromium(Browser, PagePlant):
         self.do(until="document.querySelector('.legend')?.innerText.includes('press1 temp')")
         self.see("6 tags")
 
+    def test_the_curve_goes_on_while_other_views_are_shown(self):
+        self.begin()
+        self.browse()
+        self.open("values")
+        self.do(click="[aria-label='plot press1 temp']")
+        self.do(click="text=Lines")
+        self.see("Since the start")
+        self.do(click="text=Commands")
+        self.wait_for_two_answers()
+        newest = "import('/data.js').then(({data}) => data.history.get('0.0.0').at(-1)[0])"
+        before = self.do(until=newest)
+        self.do(until=f"{newest}.then((ts) => ts > {before})")
+        self.assertEqual(self.do(until="import('/data.js').then(({want}) => [...want.groups])"), ["0.0"], "no others")
+
     def test_the_size_of_a_store_is_a_plain_number(self):
         self.begin()
         self.browse()

@@ -18,7 +18,6 @@ function open() {
   const chosen = views[name] ? name : 'now';
   for (const link of document.querySelectorAll('nav a'))
     link.hash === `#${chosen}` ? link.setAttribute('aria-current', 'page') : link.removeAttribute('aria-current');
-  want.groups.clear();
   want.link = null;
   view?.stop?.();
   view = views[chosen](main, rest.join('/'));

@@ -6,7 +6,7 @@ export const data = {
   lost: '', heard: 0,
 };
 
-// The groups and the link that the view in front needs.
+// The groups that the view in front and the plot need, and the link.
 export const want = {groups: new Set(), link: null};
 
 const KEPT_EVENTS = 2000;

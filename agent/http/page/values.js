@@ -139,13 +139,14 @@ export function values(main, given) {
     else { while (node.lastChild !== node.box) node.lastChild.remove(); node.append(...rest); }
   }
 
+  const wantChosen = () => { want.groups = new Set(chosen.map((tag) => tag.group)); };
+
   function drawRows() {
     spacer.style.height = `${found.length * HEIGHT}px`;
     const first = Math.max(0, Math.floor(rows.scrollTop / HEIGHT) - 4);
     const last = Math.min(found.length, first + Math.ceil(rows.clientHeight / HEIGHT) + 8);
     const seen = new Set();
-    want.groups.clear();
-    for (const tag of chosen) want.groups.add(tag.group);
+    wantChosen();
     for (let at = first; at < last; ++at) {
       seen.add(found[at]);
       want.groups.add(found[at].group);
@@ -174,5 +175,5 @@ export function values(main, given) {
     drawRows();
   }
   if (of) find();
-  return {draw};
+  return {draw, stop: wantChosen};  // the plot goes on
 }
