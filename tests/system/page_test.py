@@ -503,8 +503,13 @@ class InChromium(Browser, PagePlant):
         self.browse()
         self.open("lines/line2")
         self.do(until="document.querySelector('h2')?.innerText === 'line2'")
+        self.see("press2 default")
+        self.do(until="""new MutationObserver(() => {
+            window.mixed ||= document.querySelector('h2')?.innerText === 'line1' && view.innerText.includes('press2');
+          }).observe(view, {childList: true, subtree: true}), true""")
         self.reload(lambda config: (config["links"].pop(), config["devices"].pop()))
         self.do(until="document.querySelector('h2').innerText === 'line1'")
+        self.do(until="window.mixed === false")
         self.reload(lambda config: (config["links"].pop(), config["devices"].pop()))
         self.do(until="!document.querySelector('h2')")
         self.wait_for_two_answers()

@@ -103,8 +103,7 @@ export function lines(main, given) {
   function choose(l) {
     chosen = l;
     want.link = l;
-    planned.replaceChildren();
-    planned.shownKey = undefined;
+    for (const node of [planned, counted, named, shared]) { node.replaceChildren(); node.shownKey = undefined; }
     wire = trace(l);
     detail.replaceChildren(el('h2', {}, data.config.links[l].name), el('p', {class: 'soft'}, data.config.links[l].wire), shared, named, planned, counted, wire.node);
     plan(l).then((found) => { if (chosen === l) planned.replaceChildren(...bar(l, found.groups).filter(Boolean)); },
