@@ -526,13 +526,19 @@ class InChromium(Browser, PagePlant):
     def test_a_view_that_fails_does_not_end_the_polling(self):
         self.begin()
         self.browse()
-        self.open("%", allowed=("URI malformed",))
-        self.wait_for_two_answers(allowed=("URI malformed",))
         self.open("lines")
         self.see("Since the start")
         self.do(until="import('/data.js').then(({data}) => Boolean(data.devices.get = () => { throw new Error('planted'); }))",
                 allowed=("planted",))
         self.wait_for_two_answers(allowed=("planted",))
+
+    def test_an_address_that_names_no_view_shows_the_first(self):
+        self.begin()
+        self.browse()
+        for address in ("%", "lines/%", "constructor"):
+            with self.subTest(address=address):
+                self.open(address)
+                self.see("Every device answers")
 
     def test_the_form_writes_arrays_and_explains_a_wrong_number(self):
         token_file = write_text(os.path.join(self.directory, "token"), "0123456789abcdef\n")

@@ -13,9 +13,17 @@ const main = document.getElementById('view');
 const pulse = document.getElementById('pulse');
 let view = null;
 
+function address() {
+  try {
+    return decodeURIComponent(location.hash.slice(1)).split('/');
+  } catch {
+    return ['now'];  // not a valid encoding, such as #%
+  }
+}
+
 function open() {
-  const [name, ...rest] = decodeURIComponent(location.hash.slice(1)).split('/');
-  const chosen = views[name] ? name : 'now';
+  const [name, ...rest] = address();
+  const chosen = Object.hasOwn(views, name) ? name : 'now';
   for (const link of document.querySelectorAll('nav a'))
     link.hash === `#${chosen}` ? link.setAttribute('aria-current', 'page') : link.removeAttribute('aria-current');
   want.link = null;
