@@ -540,6 +540,18 @@ class InChromium(Browser, PagePlant):
                 self.open(address)
                 self.see("Every device answers")
 
+    def test_a_plan_of_another_config_is_not_drawn(self):
+        self.begin()
+        self.browse()
+        self.open("now")
+        self.see("Every device answers")
+        self.do(until="""window.fetch = ((real) => async (path, more) => path.startsWith('/api/plan')
+            ? (window.planned = Response.json({hash: 'another', groups: [{d: 7, g: 0, exchanges: 1, ms: 1}]})) : await real(path, more))(window.fetch), true""")
+        self.do(click="text=Lines")
+        self.do(until="window.planned")
+        self.wait_for_two_answers()
+        self.assertEqual(self.do(until="[document.querySelector('.planned').innerText]"), [""])
+
     def test_the_form_writes_arrays_and_explains_a_wrong_number(self):
         token_file = write_text(os.path.join(self.directory, "token"), "0123456789abcdef\n")
         marks = {"name": "marks", "address": "M104", "type": "bool", "count": 8, "access": "read_write"}

@@ -106,7 +106,7 @@ export function lines(main, given) {
     for (const node of [planned, counted, named, shared]) { node.replaceChildren(); node.shownKey = undefined; }
     wire = trace(l);
     detail.replaceChildren(el('h2', {}, data.config.links[l].name), el('p', {class: 'soft'}, data.config.links[l].wire), shared, named, planned, counted, wire.node);
-    plan(l).then((found) => { if (chosen === l) planned.replaceChildren(...bar(l, found.groups).filter(Boolean)); },
+    plan(l).then((found) => { if (chosen === l && found.hash === data.config.hash) planned.replaceChildren(...bar(l, found.groups).filter(Boolean)); },
       (fault) => planned.replaceChildren(el('p', {}, `The plan could not be had: ${fault.message}`)));
     draw();
   }
