@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <sstream>
 #include <utility>
 #include <variant>
 
@@ -9,7 +10,10 @@
 #include "agent/commands/result.h"
 #include "agent/config/suggestions.h"
 #include "agent/failpoint.h"
+#include "agent/text/sha256.h"
 #include "agent/text/text.h"
+#include "protocol/value/bytes.h"
+#include "protocol/value/span.h"
 
 namespace fxagent {
 namespace {
@@ -32,6 +36,24 @@ Refusal refusal_of_unknown(const Command& command, const Config& config,
     if (!known.is_vacant()) names.push_back(known.name);
   return {Reason::unknown_device,
           "there is no device " + device + " in the config" + did_you_mean(device, names)};
+}
+
+/// Returns a hash of everything that decides what the command changes, and where: the host or port
+/// of its device, the codec's options, the addresses and the raw values.
+std::string place_of(const Config& config, const AdmittedCommand& admitted) {
+  const DeviceConfig& device = config.devices[admitted.command.device];
+  std::ostringstream text;
+  text << endpoint_of(config.links[device.link]) << '\n';
+  if (device.protocol != nullptr) text << device.protocol->name << '\n';
+  if (device.options)
+    for (const auto& [key, option] : *device.options)
+      std::visit([&](const auto& value) { text << key << ' ' << value << '\n'; }, option);
+  for (const AdmittedTarget& target : admitted.targets) {
+    const Span span = *span_of(target.point);
+    text << span.space << ' ' << span.first_bit << ' ' << span.bits << ' ' << to_hex(target.image)
+         << '\n';
+  }
+  return short_hash(text.str());
 }
 
 bool is_remembered(const CommandResult& result) {
@@ -219,7 +241,7 @@ void Commands::receive(const std::string& name, std::string_view topic, std::str
     admitted.starts = journal_->starts();
     JournalEntry entry = entry_of(admitted, name);
     entry.audit = audit::admitted(*receipt, entry.id, entry.op, utc_ms);
-    entry.payload = std::move(receipt->payload) + config_.hash;
+    entry.payload = std::move(receipt->payload) + place_of(config_, admitted);
     to_journal_.push_back(std::move(entry));
   }
   admitted_.push_back(std::move(admitted));
@@ -302,10 +324,10 @@ void Commands::restore(Recovered known, SteadyTime now, std::int64_t utc_ms) {
     const std::string& device = devices_.at(result.device)->name;
     results_.add(device, std::move(result), {}, utc_ms);
   }
-  for (const Command& command : known.interrupted) {
+  for (const InterruptedWrite& command : known.interrupted) {
     Device& device = *devices_.at(command.device);
     auto admitted = device.admission.interrupted(command, device.codec, now);
-    if (admitted) {
+    if (admitted && command.place.ends_with(place_of(config_, *admitted))) {
       device.pending.emplace(command.id, nullptr);
       submit_(std::move(*admitted));
       continue;

@@ -45,7 +45,8 @@ struct JournalEntry : KnownId {
   bool acknowledged = false;  ///< the broker has the result, or refused it for good
   /// From an earlier run, without a result: it waited when the agent died, and no byte of it left.
   bool surely_not_sent = false;
-  std::string payload;  ///< as received, and Config::hash; kept until there is a result
+  /// As received, followed by a hash of what it changes and where; kept until there is a result.
+  std::string payload;
   /// Body of an audit record, written together with this entry; empty: none.
   std::string audit;
 };

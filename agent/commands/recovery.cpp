@@ -5,7 +5,6 @@
 #include <map>
 #include <optional>
 #include <string>
-#include <string_view>
 #include <utility>
 
 #include "agent/commands/audit_records.h"
@@ -32,13 +31,12 @@ std::optional<Command> command_of(const JournalEntry& entry, std::uint32_t devic
   return command;
 }
 
-/// Cuts the hash of the config off `payload`. Returns true if it is `hash`: otherwise tags and
-/// addresses may mean other places now.
-bool cut_config(std::string& payload, std::string_view hash) {
+/// Cuts everything behind the command off `payload` and returns it.
+std::string cut_place(std::string& payload) {
   const std::size_t end = payload.rfind('}') + 1;  // npos + 1 is 0
-  const bool is_same = std::string_view(payload).substr(end).ends_with(hash);
+  std::string place = payload.substr(end);
   payload.resize(end);
-  return is_same;
+  return place;
 }
 
 /// Returns the result of a command whose outcome cannot or need not be read back.
@@ -63,9 +61,9 @@ CommandResult interrupted(const JournalEntry& entry, const std::optional<Command
   return result;
 }
 
-void take(JournalEntry entry, std::uint32_t device, const Config& config, CommandJournal& journal,
-          std::int64_t utc_ms, SteadyTime now, Recovered& found) {
-  const bool is_same_config = cut_config(entry.payload, config.hash);
+void take(JournalEntry entry, std::uint32_t device, CommandJournal& journal, std::int64_t utc_ms,
+          SteadyTime now, Recovered& found) {
+  std::string place = cut_place(entry.payload);
   if (entry.result.empty()) {
     // If the store opened late, this run may have carried out a command of that id itself.
     const auto known = journal.find(entry.device, entry.id);
@@ -75,8 +73,8 @@ void take(JournalEntry entry, std::uint32_t device, const Config& config, Comman
                                       {"sent", entry.surely_not_sent ? "no" : "perhaps"}});
     auto command = command_of(entry, device, utc_ms, now);
     // The field reads back what a write was to set.
-    if (command && command->op == Op::write && !entry.surely_not_sent && is_same_config)
-      return found.interrupted.push_back(std::move(*command));
+    if (command && command->op == Op::write && !entry.surely_not_sent)
+      return found.interrupted.push_back({std::move(*command), std::move(place)});
     entry.result = result_text(interrupted(entry, command));
     if (entry.number != 0)
       entry.audit = audit::result(entry.number, entry.device, entry.result, {}, utc_ms);
@@ -143,7 +141,7 @@ Recovered recover(const Config& config, CommandJournal& journal, std::vector<Kno
   // Entries of other devices stay in the journal.
   for (JournalEntry& entry : unacknowledged)
     if (const auto device = index.find(entry.device); device != index.end())
-      take(std::move(entry), device->second, config, journal, utc_ms, now, found);
+      take(std::move(entry), device->second, journal, utc_ms, now, found);
   return found;
 }
 

@@ -12,6 +12,10 @@
 
 namespace fxagent {
 
+struct InterruptedWrite : Command {
+  std::string place;  ///< what follows the command in JournalEntry::payload
+};
+
 /// Commands and results belong to devices of the config.
 struct Recovered {
   std::vector<KnownId> ids;  ///< of all devices; Commands selects its own
@@ -21,7 +25,7 @@ struct Recovered {
   std::vector<CommandResult> unacknowledged;
   /// Writes that may have been sent in part, oldest first. Their targets may be read back; they are
   /// not sent again.
-  std::vector<Command> interrupted;
+  std::vector<InterruptedWrite> interrupted;
 };
 
 /// Call before the field and the uplink start. Each entry in `newer` replaces that of the same

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <span>
 
@@ -107,6 +108,14 @@ struct CommandsTest : ::testing::Test {
     if (found.size() != count) throw std::runtime_error(json(found).dump(1));
     return found;
   }
+  /// Ends the run in the middle of a write. Returns what the next one finds.
+  Recovered interrupt(const std::string& id) {
+    order(id);
+    made.reset();
+    admitted.clear();
+    journal.happened.clear();
+    return recover(config, journal, {}, {journal.entries.at("press1/" + id)}, kNow, now);
+  }
   Commands& commands() {
     if (!made)
       made = std::make_unique<Commands>(
@@ -128,7 +137,6 @@ struct CommandsTest : ::testing::Test {
 };
 
 TEST_F(CommandsTest, AreInTheJournalInOneCommitBeforeTheFieldGetsThem) {
-  config.hash = "0123456789abcdef";
   write("a");
   receive(R"({"id":"bad","op":"write","tag":"nothing","value":1})");
   write("b");
@@ -143,7 +151,6 @@ TEST_F(CommandsTest, AreInTheJournalInOneCommitBeforeTheFieldGetsThem) {
   EXPECT_EQ(entry.received_ms, kNow);
   EXPECT_EQ(entry.deadline_ms, kNow + 10000);
   EXPECT_NE(entry.payload.find("setpoint"), std::string::npos);
-  EXPECT_TRUE(entry.payload.ends_with("}" + config.hash)) << entry.payload;
 }
 
 TEST_F(CommandsTest, ResultsAreInTheJournalInOneCommitBeforeTheyAreTaken) {
@@ -275,20 +282,45 @@ TEST_F(CommandsTest, IdOfAnEarlierRunIsADuplicate) {
 }
 
 TEST_F(CommandsTest, InterruptedWriteGoesToTheFieldToBeReadAndIsNotJournaledAgain) {
-  Recovered known;
-  Command left;
-  left.id = "left";
-  left.op = Op::write;
-  left.op_text = "write";
-  left.number = 3;
-  left.targets.push_back({"setpoint", "", std::nullopt, Value(std::int64_t{50})});
-  known.interrupted.push_back(left);
+  Recovered known = interrupt("left");
+  config.hash = "another";  // a comment was edited
   commands().restore(std::move(known), now, kNow);
   ASSERT_EQ(admitted.size(), 1U);
   EXPECT_TRUE(admitted[0].interrupted);
   EXPECT_EQ(journal.happened, "submit left; ");
   write("left");
   EXPECT_EQ(results().at(0)["status"], "DUPLICATE");
+}
+
+TEST_F(CommandsTest, InterruptedWriteWhosePlaceHasChangedIsNotReadBack) {
+  const Config before = config;
+  const auto setpoint = [](Config& next) -> Point& {
+    return next.devices[0].tags[test::setpoint].point;
+  };
+  const std::vector<std::function<void(Config&)>> changes{
+      [](Config& next) {  // "host": "${PLC_HOST}"
+        next.links[next.devices[0].link].channel = TcpSettings{.host = "10.0.0.8", .port = 5551};
+      },
+      [&](Config& next) { setpoint(next).address.span.first_bit += 16; },
+      [&](Config& next) { setpoint(next).scale = 10; },
+      [](Config& next) {
+        next.devices[0].options =
+            std::make_shared<const Options>(Options{{"station", std::int64_t{3}}});
+      }};
+  for (const auto& change : changes) {
+    config = before;
+    const std::string id = "left" + std::to_string(&change - changes.data());
+    Recovered known = interrupt(id);
+    ASSERT_EQ(known.interrupted.size(), 1U);
+    change(config);
+    commands().restore(std::move(known), now, kNow);
+    EXPECT_TRUE(admitted.empty()) << id;
+    const json result = results(1)[0];
+    EXPECT_EQ(result["id"], id);
+    EXPECT_EQ(result["status"], "UNKNOWN_OUTCOME");
+    EXPECT_EQ(result["reason"], "interrupted");
+    EXPECT_EQ(result["tag"], "setpoint");
+  }
 }
 
 TEST_F(CommandsTest, KnownIdOfATooLargeCommandIsADuplicate) {
@@ -309,7 +341,7 @@ TEST_F(CommandsTest, FieldIsToldWhoKnowsWhichCommandsHaveStarted) {
 TEST_F(CommandsTest, EachTargetOfAnInterruptedListIsUnknownWhereAReadDoesNotTell) {
   config.devices[0].tags[test::running].writable = true;
   Recovered known;
-  Command list;
+  InterruptedWrite list;
   list.id = "list";
   list.op = Op::write;
   list.op_text = "write";

@@ -67,25 +67,6 @@ TEST_F(RecoveryTest, InterruptedCommandIsReadBackByItsOwnPayload) {
   EXPECT_TRUE(found.unacknowledged.empty());
 }
 
-TEST_F(RecoveryTest, PlaceThatAChangedConfigMayMeanOtherwiseIsNotReadBack) {
-  config.hash = "0123456789abcdef";
-  const std::string payload =
-      "{\"id\":\"mine\",\"op\":\"write\",\"tag\":\"setpoint\",\"value\":5}\n";
-  for (const char* hash : {"fedcba9876543210", ""}) {
-    const Recovered found = take_late({order("mine", 1, payload + hash)});
-    EXPECT_TRUE(found.interrupted.empty());
-    ASSERT_EQ(found.unacknowledged.size(), 1U);
-    const auto result = nlohmann::json::parse(found.unacknowledged[0].recorded);
-    EXPECT_EQ(result["status"], "UNKNOWN_OUTCOME");
-    EXPECT_EQ(result["reason"], "interrupted");
-    EXPECT_EQ(result["tag"], "setpoint");
-    store = nullptr;
-    store = std::make_unique<Store>(StoreConfig{.path = scratch.path(std::string("other") + hash)},
-                                    kNow);
-  }
-  EXPECT_EQ(take_late({order("mine", 1, payload + config.hash)}).interrupted.size(), 1U);
-}
-
 TEST_F(RecoveryTest, NewerEntryReplacesThatOfTheJournalAndMakesItsIdKnown) {
   ASSERT_TRUE(store->journal().journal(std::vector{order("mine", 1), order("answered", 2)}));
   JournalEntry answered = order("answered", 2);
