@@ -203,10 +203,10 @@ void Commands::change(const ConfigChange& change, SteadyTime now) {
 
 void Commands::recover_joined(SteadyTime now, std::int64_t utc_ms) {
   if (joined_.empty() || journal_ == nullptr || journal_->hangs()) return;
-  Recovered known = recover_of(joined_, config_, *journal_, utc_ms, now);
-  if (journal_->hangs()) return;  // it was not read; try again
+  auto known = recover_of(joined_, config_, *journal_, utc_ms, now);
+  if (!known) return;
   joined_.clear();
-  restore(std::move(known), now, utc_ms);
+  restore(std::move(*known), now, utc_ms);
 }
 
 // ---- from the message to the field --------------------------------------------------------------

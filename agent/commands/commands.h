@@ -127,7 +127,7 @@ class Commands final {
   /// has its result. Devices that begin start to admit.
   void change(const ConfigChange& change, SteadyTime now);
   /// Restores what earlier runs left of devices that are new to this run since a change(). Does
-  /// nothing while the journal hangs: call again.
+  /// nothing while the journal cannot be read: call again.
   void recover_joined(SteadyTime now, std::int64_t utc_ms);
 
   /// Takes over what earlier runs left: remembers the ids, adds the results to results(), and

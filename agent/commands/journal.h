@@ -112,6 +112,8 @@ class CommandJournal {
   /// Returns, oldest first, what the broker has not acknowledged: every command without a result,
   /// and the newest results of each device. `device` empty: of all devices.
   virtual std::vector<JournalEntry> unacknowledged(const std::string& device) = 0;
+  /// False if the last known_ids() or unacknowledged() could not read all, and may later.
+  virtual bool was_read() const { return !hangs(); }
 };
 
 }  // namespace fxagent

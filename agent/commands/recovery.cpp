@@ -107,13 +107,15 @@ Recovered recover(const Config& config, CommandJournal& journal, std::int64_t ut
   return recover(config, journal, std::move(ids), std::move(unacknowledged), utc_ms, now);
 }
 
-Recovered recover_of(const std::vector<std::string>& devices, const Config& config,
-                     CommandJournal& journal, std::int64_t utc_ms, SteadyTime now) {
+std::optional<Recovered> recover_of(const std::vector<std::string>& devices, const Config& config,
+                                    CommandJournal& journal, std::int64_t utc_ms, SteadyTime now) {
   std::vector<KnownId> ids;
   std::vector<JournalEntry> unacknowledged;
   for (const std::string& device : devices) {
     std::ranges::move(journal.known_ids(device), std::back_inserter(ids));
+    if (!journal.was_read()) return std::nullopt;
     std::ranges::move(journal.unacknowledged(device), std::back_inserter(unacknowledged));
+    if (!journal.was_read()) return std::nullopt;
   }
   return recover(config, journal, std::move(ids), std::move(unacknowledged), utc_ms, now);
 }

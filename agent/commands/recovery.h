@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -32,9 +33,10 @@ struct Recovered {
 /// device and id in the journal, whose disk may have refused it.
 Recovered recover(const Config& config, CommandJournal& journal, std::int64_t utc_ms,
                   SteadyTime now, const std::vector<JournalEntry>& newer = {});
-/// Same for these devices only, which are new to this run. Uplink thread.
-Recovered recover_of(const std::vector<std::string>& devices, const Config& config,
-                     CommandJournal& journal, std::int64_t utc_ms, SteadyTime now);
+/// Same for these devices only, which are new to this run. Returns nullopt if the journal cannot be
+/// read now. Uplink thread.
+std::optional<Recovered> recover_of(const std::vector<std::string>& devices, const Config& config,
+                                    CommandJournal& journal, std::int64_t utc_ms, SteadyTime now);
 /// Same for a command that the other gateway of a pair left, as it announced it on `topic`, if the
 /// journal does not know it. Writes it to the journal.
 Recovered recover_unanswered(const Config& config, CommandJournal& journal, JournalEntry left,

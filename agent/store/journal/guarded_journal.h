@@ -84,10 +84,12 @@ class GuardedJournal final : public CommandJournal {
                    std::string total_ms = {}) override;
   CommandStarts* starts() override { return &marker_; }
   std::optional<JournalEntry> find(const std::string& device, const std::string& id) override;
-  /// Without a device, these read on the caller's thread, however slow the disk is. Call so only
-  /// before the uplink starts: with part of the ids the agent would repeat commands.
+  /// Without a device, these read on the caller's thread. Call them without a device only before
+  /// the uplink starts. The wait is unlimited, because without all ids the agent would carry out a
+  /// repeated command.
   std::vector<KnownId> known_ids(const std::string& device = {}) override;
   std::vector<JournalEntry> unacknowledged(const std::string& device = {}) override;
+  bool was_read() const override { return !hangs() && journal_.was_read(); }
 
   /// Call after a hang. Passes what has waited to the store. `before` runs on the disk's thread,
   /// ahead of the journal's own work.

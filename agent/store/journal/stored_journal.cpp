@@ -57,9 +57,10 @@ std::optional<JournalEntry> StoredJournal::find(const std::string& device, const
 }
 
 void StoredJournal::read(const std::string& device, const StoreDisk::Work& work) {
-  if (!table_ || is_unread_ || disk_.attempt("read", work)) return;
   // A damaged file is closed, or a fresh one has replaced it.
-  if (device.empty() && disk_.is_open() && !disk_.is_writable()) is_unread_ = true;
+  was_read_ = !table_ || is_unread_ || disk_.attempt("read", work) || !disk_.is_open() ||
+              disk_.is_writable();
+  if (device.empty() && !was_read_) is_unread_ = true;
 }
 
 std::vector<KnownId> StoredJournal::known_ids(const std::string& device) {

@@ -37,8 +37,10 @@ class StoredJournal final : public CommandJournal, public StorePart {
   std::optional<JournalEntry> find(const std::string& device, const std::string& id) override;
   std::vector<KnownId> known_ids(const std::string& device = {}) override;
   std::vector<JournalEntry> unacknowledged(const std::string& device = {}) override;
-  /// True if a call without a device has failed, but the file is not damaged. Until this call they
-  /// return nothing more. Call them again when the disk is writable.
+  bool was_read() const override { return was_read_; }
+  /// True if a call without a device has failed, but the file is not damaged. Until take_unread(),
+  /// every such read returns nothing, also for one device. Call them again when the disk is
+  /// writable.
   bool take_unread() { return std::exchange(is_unread_, false); }
 
   /// Bytes of commands in the file: as committed, and as the open commit will leave them.
@@ -82,6 +84,7 @@ class StoredJournal final : public CommandJournal, public StorePart {
   /// had acknowledged before a command came is not published again after a crash. Returns false if
   /// nothing was written.
   bool commit(std::span<const JournalEntry> entries);
+  /// Runs `work`, unless an earlier read of all devices has failed.
   void read(const std::string& device, const StoreDisk::Work& work);
   /// Keeps the entry in memory until a commit writes it.
   void keep(JournalEntry entry);
@@ -96,6 +99,7 @@ class StoredJournal final : public CommandJournal, public StorePart {
   std::size_t written_ = 0;                      ///< of waiting_, in the open commit
   bool is_acknowledged_ = false;                 ///< to_acknowledge_ is in the open commit
   bool is_unread_ = false;                       ///< until take_unread()
+  bool was_read_ = true;                         ///< see was_read()
   std::uint64_t first_of_run_ = 0;
   std::uint64_t not_to_be_shrunk_ = 0;  ///< bytes of commands that shrink() could not reduce
 };

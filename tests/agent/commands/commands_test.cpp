@@ -48,6 +48,7 @@ class FakeJournal final : public CommandJournal {
     return found == entries.end() ? std::nullopt : std::optional(found->second);
   }
   bool hangs() const override { return disk_hangs; }
+  bool was_read() const override { return !disk_hangs && is_readable; }
   std::vector<KnownId> known_ids(const std::string& device) override {
     asked.push_back(device);
     return {};
@@ -67,6 +68,7 @@ class FakeJournal final : public CommandJournal {
   std::uint64_t last_number = 0;
   std::vector<std::string> asked;  ///< devices whose earlier runs were asked for
   bool disk_hangs = false;
+  bool is_readable = true;
   Starts started;
 };
 
@@ -649,6 +651,20 @@ TEST_F(CommandsChangeTest, EarlierRunsAreAskedForADeviceThatIsNew) {
   commands().hand_over(kNow);
   ASSERT_EQ(admitted.size(), 1U);
   EXPECT_EQ(admitted[0].command.device, 2U);
+}
+
+TEST_F(CommandsChangeTest, EarlierRunsAreAskedAgainIfTheirReadFailed) {
+  commands();
+  Config wanted = config;
+  wanted.devices.push_back(test::press("oven"));
+  begin_change(std::move(wanted));
+  journal.is_readable = false;
+  end_change();
+  journal.is_readable = true;
+  commands().recover_joined(now, kNow);
+  EXPECT_EQ(journal.asked, std::vector<std::string>{"oven"});
+  commands().recover_joined(now, kNow);
+  EXPECT_EQ(journal.asked, std::vector<std::string>{"oven"}) << "once";
 }
 
 TEST_F(CommandsChangeTest, ResultOfADeviceThatIsGoneIsStillAcknowledged) {

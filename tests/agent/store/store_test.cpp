@@ -81,6 +81,20 @@ TEST(Store, DirectoryThatCannotBeMadeIsTriedAgain) {
   EXPECT_TRUE(shelf.add(rows(1, 1)));
 }
 
+TEST(Store, JournalReportsThatTheCommandsOfADeviceCouldNotBeRead) {
+  PowerCut disk;
+  OpenShelf shelf;
+  shelf.record_acknowledged(shelf.arrived("known", "{}"));
+  shelf.open();
+  StoredJournal& journal = shelf.store->journal();
+  disk.set_failing(true);
+  EXPECT_TRUE(journal.known_ids("a").empty());
+  EXPECT_FALSE(journal.was_read());
+  disk.set_failing(false);
+  EXPECT_EQ(journal.known_ids("a").size(), 1U);
+  EXPECT_TRUE(journal.was_read());
+}
+
 TEST(Store, CommandsThatCouldNotBeReadAtTheStartAreFoundLater) {
   PowerCut disk;
   OpenShelf shelf;
