@@ -49,6 +49,7 @@ void Store::open_late() {
 }
 
 void Store::find_commands() {
+  disk_.move_stored_times();  // otherwise ids from before the clock was set seem old
   if (!found_late_) found_late_.emplace();
   found_late_->ids = journal_.known_ids();
   found_late_->unacknowledged = journal_.unacknowledged();

@@ -91,6 +91,30 @@ TEST(StoreClock, FileThatOpensBeforeTheClockIsSetKeepsItsOrderAndItsTimes) {
   EXPECT_EQ(ids[0].id, "told");
 }
 
+// Otherwise their commands would count as old, and a repeat of one would be carried out.
+TEST(StoreClock, IdsOfAFileThatOpensAfterTheClockIsSetAreNotOld) {
+  Shelf shelf;
+  shelf.open(kNow - kYear);
+  JournalEntry known = shelf.arrived("known", "{}", kNow - kYear);
+  known.audit = told("known");  // the audit keeps the last command number
+  shelf.record_acknowledged(known);
+  shelf.store->upkeep(kStart, kNow - kYear);
+  shelf.store.reset();
+  const std::string away = shelf.config.path + "-away";
+  std::filesystem::rename(shelf.config.path, away);
+  shelf.block();
+  shelf.open(kNow - kYear + 1000);
+  shelf.store->upkeep(kStart + 1s, kNow - kYear + 1000);
+  shelf.store->upkeep(kStart + 2s, kNow + 2000);
+  std::filesystem::remove(shelf.config.path);
+  std::filesystem::rename(away, shelf.config.path);
+  shelf.store->upkeep(kStart + 12s, kNow + 12000);
+  const auto found = shelf.store->take_found_late();
+  ASSERT_TRUE(found);
+  ASSERT_EQ(found->ids.size(), 1U);
+  EXPECT_EQ(found->ids[0].received_ms, kNow);
+}
+
 TEST(StoreClock, ClockThatIsSetTwiceWithoutADiskMovesWhatWasThere) {
   constexpr std::int64_t kHour = 3600000;
   ShelfWithoutDisk shelf;
