@@ -172,6 +172,7 @@ void FieldLinks::end(const ConfigChange& change, Done done) {
     leaving[config_->devices[device].link].push_back(device);
   for (const std::uint32_t link : change.links_end) {
     leaving[link].clear();
+    places_[link].has_failed = false;
     if (!places_[link].worker) continue;
     ++still_to_leave_;
     places_[link].ends = true;
@@ -242,6 +243,8 @@ void FieldLinks::begin_next() {
 void FieldLinks::begin_one(std::deque<ToBegin>::iterator which) {
   const ToBegin next = std::move(*which);
   to_begin_.erase(which);
+  // Its other devices did not begin: they would stay `starting` for good.
+  if (places_[next.link].has_failed) return;
   // If the name has ended in this run, or a store has reported it since, go on from that number.
   for (const std::uint32_t device : next.devices) {
     const auto known = last_numbers_.find(config_->devices[device].name);
@@ -259,8 +262,7 @@ void FieldLinks::begin_one(std::deque<ToBegin>::iterator which) {
                 {"reason", error.what()},
                 {"note", "the agent refuses commands for this link until the agent is restarted"}});
     if (places_[next.link].runs) return;
-    // Its other devices do not begin either: they would be polled, and this one never.
-    std::erase_if(to_begin_, [&](const ToBegin& each) { return each.link == next.link; });
+    places_[next.link].has_failed = true;
     const std::lock_guard lock(places_mutex_);
     places_[next.link].worker.reset();
   }

@@ -72,6 +72,7 @@ class FieldLinks final {
     std::unique_ptr<LinkWorker> worker;  ///< null: vacant, or the link has ended
     bool runs = false;                   ///< its coroutine has not ended
     bool ends = false;                   ///< a changed config ends it
+    bool has_failed = false;             ///< it did not begin
   };
   /// A device that a change adds and that has not begun, with its link if that is new; or a new
   /// link without devices. One entry begins per turn of the event loop, so that planning many

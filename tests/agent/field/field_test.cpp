@@ -267,8 +267,18 @@ TEST_F(FieldChangeTest, DeviceOfALinkThatDidNotBeginMayBeRemoved) {
   change_without_commands(more);
   EXPECT_TRUE(begun.contains(1));
   EXPECT_FALSE(begun.contains(4)) << "all devices of a link begin, or none";
+  more.devices.back().retries = 5;
+  change_without_commands(more);
+  EXPECT_FALSE(begun.contains(4)) << "also after a later change";
   more.devices.pop_back();
+  change_without_commands(more);
+  more.devices.pop_back();
+  more.devices.pop_back();
+  more.devices.push_back(port_device("sixth"));
+  more.devices.back().link = 2;
+  more.links.back().channel = SerialSettings{.path = "/dev/ttyNone4"};
   change_without_commands(std::move(more));
+  EXPECT_TRUE(begun.contains(2)) << "the link begins anew";
   const std::size_t so_far = seqs["line1"].size();
   wait([&] { return seqs["line1"].size() > so_far; });
   stop();
