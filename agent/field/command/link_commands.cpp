@@ -59,7 +59,7 @@ void LinkCommands::add(AdmittedCommand admitted, LinkDevice& device) {
   command.admitted = std::move(admitted);
   command.admitted.queued = Clock::now();
   command.device = &device;
-  if (device.holes) command.read_limits = device.holes->holes().limits;
+  if (device.holes) command.read_limits = device.holes->command_limits();
   command.line_time = set_line_times(*command.admitted.codec, device.config, command.read_limits,
                                      link_.config.char_time, command.admitted);
   command.admitted.bound = bound_of(command);

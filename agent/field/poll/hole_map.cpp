@@ -35,6 +35,14 @@ std::uint32_t parts_of(const Holes& holes, std::uint8_t gather) {
   return limit == holes.gather_limits.end() ? kAny : limit->parts;
 }
 
+void limit_reads(std::vector<Holes::Limit>& limits, const Holes::Limit& limit) {
+  const auto known = std::ranges::find(limits, limit.space, &Holes::Limit::space);
+  if (known == limits.end())
+    limits.push_back(limit);
+  else
+    known->bits = std::min(known->bits, limit.bits);
+}
+
 bool is_suspect(const Holes& holes, const Span& span) {
   return std::ranges::any_of(holes.suspects, [&](const Span& one) { return overlap(one, span); });
 }
@@ -219,6 +227,9 @@ void HoleMap::cleared(const Span& read) {
 
 void HoleMap::read(const Span& read) {
   if (!holes_.suspects.empty()) cleared(read);
+  std::erase_if(command_limits_, [&](const Holes::Limit& limit) {
+    return limit.space == read.space && limit.bits < read.bits;
+  });
   const bool back = std::erase_if(asked_again_, [&](const Span& span) {
                       if (!read.contains(span)) return false;
                       std::erase(holes_.apart, span);
@@ -252,12 +263,8 @@ void HoleMap::learn_limit(std::uint16_t space, std::uint32_t bits) {
   std::erase_if(borders_, [&](const Border& border) {
     return border.cut.space == space && border.left_end == border.cut.at;
   });
-  for (Holes::Limit& limit : holes_.limits) {
-    if (limit.space != space) continue;
-    limit.bits = std::min(limit.bits, bits);
-    return;
-  }
-  holes_.limits.push_back({space, bits});
+  limit_reads(holes_.limits, {space, bits});
+  limit_reads(command_limits_, {space, bits});
 }
 
 void HoleMap::retry(SteadyTime now) {

@@ -16,6 +16,9 @@ class HoleMap final {
  public:
   /// Returns the restrictions for the next plan.
   const Holes& holes() const { return holes_; }
+  /// Returns the limits for the reads of commands. A limit that retry() lifts stays here until a
+  /// longer read succeeds: its trial with polls must not cost a command its deadline.
+  const std::vector<Holes::Limit>& command_limits() const { return command_limits_; }
   /// Incremented whenever holes() changes.
   std::uint32_t version() const { return version_; }
 
@@ -102,6 +105,7 @@ class HoleMap final {
   std::chrono::seconds forgive_after_{600};
   std::vector<Span> asked_again_;  ///< missing spans under retry
   Holes holes_;
+  std::vector<Holes::Limit> command_limits_;
   std::uint32_t version_ = 0;
   SteadyTime retry_at_{};
   std::chrono::seconds retry_after_{0};

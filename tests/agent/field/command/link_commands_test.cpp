@@ -528,6 +528,13 @@ TEST_F(LinkCommandsTest, ReadsAreThoseThatTheBoundCounts) {
   asked.clear();
   run_next();
   EXPECT_EQ(asked, (std::vector{read_frame(kD200 + 2, 8), read_frame(kD200 + 10, 8)}));
+  asked.clear();
+  holes.retry(SteadyTime{});
+  holes.retry(SteadyTime{} + std::chrono::minutes(10));
+  EXPECT_TRUE(holes.holes().limits.empty());
+  add_read("later");
+  run_next();
+  EXPECT_EQ(asked.front(), read_frame(kD200 + 2, 8)) << "the limit is on trial with polls only";
 }
 
 /// The only device is all units of a Modbus line.

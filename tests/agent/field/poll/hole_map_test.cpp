@@ -174,6 +174,22 @@ TEST(HoleMap, ALimitThatWasLearnedDoesNotGrowByAnotherBlock) {
   }
 }
 
+TEST(HoleMap, LimitForCommandsStaysUntilALongerReadSucceeds) {
+  const Span whole{0, 0, 16 * 40};
+  HoleMap map;
+  map.refused(whole, Halves{16 * 20, 16 * 20}, SteadyTime{});
+  map.read({0, 0, 16 * 20});
+  map.read({0, 16 * 20, 16 * 20});
+  map.retry(SteadyTime{});
+  map.retry(SteadyTime{} + 600s);
+  EXPECT_TRUE(map.holes().limits.empty());
+  map.read({0, 0, 16 * 20});
+  map.read({1, 0, 16 * 40});  // another space
+  EXPECT_EQ(map.command_limits(), (std::vector<Holes::Limit>{{0, 16 * 20}}));
+  map.read(whole);
+  EXPECT_TRUE(map.command_limits().empty());
+}
+
 TEST(HoleMap, AnArrayLongerThanTheDeviceGivesIsReadInPieces) {
   Refuser device;
   device.add(0, 30);
