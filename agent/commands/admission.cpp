@@ -398,16 +398,19 @@ std::optional<Refusal> CommandAdmission::check_value(const Codec& codec, const C
 void CommandAdmission::remember_refused(const Command& command, const CommandResult& result,
                                         SteadyTime now) {
   if (command.dry_run || command.id.empty()) return;
-  ids_.add_refused({command.id, command.number, now, now, true, kept(result)}, now);
+  ids_.add_refused({command.id, command.number, now, now, true,
+                    kept(result, SharedAdmission::ResultOf::refused)},
+                   now);
 }
 
 void CommandAdmission::finished(const CommandResult& result) {
-  ids_.finish(result.id, kept(result));
+  ids_.finish(result.id, kept(result, SharedAdmission::ResultOf::admitted));
 }
 
-std::weak_ptr<std::string> CommandAdmission::kept(const CommandResult& result) {
+std::weak_ptr<std::string> CommandAdmission::kept(const CommandResult& result,
+                                                  SharedAdmission::ResultOf command) {
   if (shared_->is_journaled) return {};
-  return shared_->keep(result_text(result));
+  return shared_->keep(result_text(result), command);
 }
 
 void CommandAdmission::restore(const KnownId& known, SteadyTime now, std::int64_t utc_ms) {

@@ -72,7 +72,7 @@ class CommandAdmission final {
   /// Remembers the id of a command that was not admitted, if it has one and is no dry run.
   void remember_refused(const Command& command, const CommandResult& result, SteadyTime now);
   /// Keeps the result for duplicates, unless the journal does.
-  std::weak_ptr<std::string> kept(const CommandResult& result);
+  std::weak_ptr<std::string> kept(const CommandResult& result, SharedAdmission::ResultOf command);
   /// Takes the command's share of all that is limited, or returns why there is no room.
   std::optional<Refusal> take_room(const Command& command, std::size_t waiting,
                                    SharedAdmission::Place& place, SteadyTime now);

@@ -104,14 +104,19 @@ void IdFingerprints::add(std::string_view device, std::string_view id, SteadyTim
   earliest_deadline_ = std::min(earliest_deadline_, deadline);
 }
 
-std::weak_ptr<std::string> SharedAdmission::keep(std::string result) {
+std::weak_ptr<std::string> SharedAdmission::keep(std::string result, ResultOf command) {
   constexpr std::size_t kOverhead = 128;  // bytes; of the allocations, and for the total latency
   result.shrink_to_fit();
   const std::size_t bytes = result.size() + kOverhead;
-  results_.emplace_back(std::make_shared<std::string>(std::move(result)), bytes);
-  for (result_bytes_ += bytes; result_bytes_ > kMostResultBytes; results_.pop_front())
-    result_bytes_ -= results_.front().second;
-  return results_.back().first;
+  auto& results = command == ResultOf::refused ? refused_results_ : results_;
+  const std::weak_ptr<std::string> kept =
+      results.emplace_back(std::make_shared<std::string>(std::move(result)), bytes).first;
+  for (result_bytes_ += bytes; result_bytes_ > kMostResultBytes;) {
+    auto& from = refused_results_.empty() ? results_ : refused_results_;
+    result_bytes_ -= from.front().second;
+    from.pop_front();
+  }
+  return kept;
 }
 
 SharedAdmission::Place SharedAdmission::take(std::uint32_t device, std::size_t bytes) {

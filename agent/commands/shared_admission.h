@@ -62,8 +62,10 @@ class SharedAdmission final : public std::enable_shared_from_this<SharedAdmissio
 
   /// Limit for the first results that are kept without a journal.
   static constexpr std::size_t kMostResultBytes = std::size_t{8} << 20;
-  /// Keeps the text of a first result until newer ones need its room.
-  std::weak_ptr<std::string> keep(std::string result);
+  enum class ResultOf { refused, admitted };
+  /// Keeps the text of a first result until newer ones need its room. Those of refused commands
+  /// make room first, and take none from admitted ones.
+  std::weak_ptr<std::string> keep(std::string result, ResultOf command);
   /// Approximate bytes of the kept results.
   std::size_t result_bytes() const { return result_bytes_; }
 
@@ -78,7 +80,9 @@ class SharedAdmission final : public std::enable_shared_from_this<SharedAdmissio
   std::size_t bytes_ = 0;
   std::unordered_map<std::uint32_t, std::size_t> by_device_;
   std::size_t result_bytes_ = 0;
-  std::deque<std::pair<std::shared_ptr<std::string>, std::size_t>> results_;  ///< oldest first
+  using Results = std::deque<std::pair<std::shared_ptr<std::string>, std::size_t>>;
+  Results results_;          ///< of admitted commands, oldest first
+  Results refused_results_;  ///< of refused ones
 };
 
 }  // namespace fxagent

@@ -486,6 +486,19 @@ TEST_F(CommandsTest, LargeRefusedCommandsTakeBoundedMemory) {
   EXPECT_EQ(send(kMany - 1)["first"]["reason"], "unknown_tag");
 }
 
+TEST_F(CommandsTest, RefusedCommandsTakeNoRoomFromTheResultsOfOthers) {
+  journaling = false;
+  carry_out("a");
+  results();
+  const std::string text(60'000, 'y');
+  for (int i = 0; i < 150; ++i)  // of 9 MB
+    receive(R"({"id":"r)" + std::to_string(i) + R"(","op":"write","tag":"nowhere","value":")" +
+            text + R"("})");
+  results();
+  write("a");
+  EXPECT_EQ(results(1)[0]["first"]["status"], "SUCCEEDED");
+}
+
 TEST_F(CommandsTest, LastCommandHasTheBeginningOfAnArray) {
   json command = {{"id", "a"}, {"op", "write"}, {"tag", "nowhere"}};
   command["value"] = std::vector<int>(30'000, 1);

@@ -248,7 +248,8 @@ TEST(IdMemory, DevicesDoNotShareTheirIds) {
 TEST(IdMemory, ResultIsKeptWhereItIsGiven) {
   Memory memory;
   memory.ids.add({"a", 1, kStart, kStart}, kStart);
-  memory.ids.finish("a", memory.room->keep(R"({"id":"a","total_ms":null})"));
+  memory.ids.finish(
+      "a", memory.room->keep(R"({"id":"a","total_ms":null})", SharedAdmission::ResultOf::admitted));
   memory.ids.finish("b", {});
   EXPECT_TRUE(memory.ids.find("a", kStart)->over);
   memory.ids.note_total("a", std::chrono::milliseconds(2));
