@@ -87,7 +87,8 @@ std::string RecordingFiles::make_room(std::uint64_t bytes, const std::string& ti
   std::ranges::sort(files);  // by name, which begins with the time
   const auto is_later = [&](const auto& file) {
     const std::string name = file.first.filename().string();
-    return name.front() <= '9' && name.compare(0, time.size(), time) > 0;  // not one of a user
+    const bool is_ours = name.size() > time.size() && name[4] == '-' && name[10] == 'T';
+    return is_ours && name.front() <= '9' && name.compare(0, time.size(), time) > 0;
   };
   std::ranges::stable_partition(files, is_later);
   std::size_t left = files.size();

@@ -64,15 +64,17 @@ TEST_F(RecordingFilesTest, TheOldestGoBeyondTheBytes) {
 }
 
 TEST_F(RecordingFilesTest, FilesOfAClockThatWasAheadAreTheOldest) {
-  RecordingFiles files(directory, 3, 1000);
+  RecordingFiles files(directory, 4, 1000);
   ASSERT_EQ(files.begin(), "");
-  std::ofstream(directory + "/pump.fxrec") << "kept by a user";
+  for (const char* name : {"/pump.fxrec", "/2027-pump.fxrec"})
+    std::ofstream(directory + name) << "kept by a user";
   for (int i = 0; i < 2; ++i) write(files, 2'190'000'000 + i, "2039");
   const std::string first = write(files, 1'795'716'000, "text");
   std::string path;
   ASSERT_EQ(files.write("line2", 1'795'716'000'000'001, "text", path), "");
-  EXPECT_EQ(recordings(), (std::set<std::string>{fs::path(first).filename(),
-                                                 fs::path(path).filename(), "pump.fxrec"}));
+  EXPECT_EQ(recordings(),
+            (std::set<std::string>{fs::path(first).filename(), fs::path(path).filename(),
+                                   "pump.fxrec", "2027-pump.fxrec"}));
 }
 
 TEST_F(RecordingFilesTest, OtherFilesStayAndHalvesOfACrashGo) {
