@@ -30,7 +30,6 @@ void SequenceNumbers::load(SQLite::Database& database) {
 std::vector<std::uint64_t> SequenceNumbers::begin(std::span<const std::string> devices,
                                                   std::int64_t utc_ms) {
   auto begun = add(devices, utc_ms);
-  add_behind(utc_ms);
   write_all();
   return begun;
 }
@@ -103,6 +102,7 @@ bool SequenceNumbers::write(const std::map<std::string, std::uint64_t>& numbers,
 }
 
 void SequenceNumbers::write_all() {
+  add_behind(disk_.utc_ms());
   std::map<std::string, std::uint64_t> all;
   for (const auto& [device, numbers] : numbers_)
     all[device] = config_.sync_always ? numbers.last : numbers.reserved;
@@ -137,7 +137,6 @@ std::map<std::string, std::uint64_t> SequenceNumbers::above_ours() {
     above[device] = own.last = found->second.last;
     own.reserved = std::max(own.reserved, own.last);
   }
-  add_behind(disk_.utc_ms());
   return above;
 }
 
