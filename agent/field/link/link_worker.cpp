@@ -154,7 +154,7 @@ void LinkWorker::let_leave() {
 void LinkWorker::adjust(const LinkConfig& link) {
   scheduler_.share().set_poll_share(link.poll_share);
   bus_.set_listening(link.listening);
-  // Its client could not end the yield any more.
+  // `resume` is refused without allow_yield.
   if (yields_until_ && !link.allow_yield) take_back([](Reason) {});
 }
 

@@ -1,6 +1,7 @@
 #include "agent/field/link/poller.h"
 
 #include <algorithm>
+#include <chrono>
 #include <string>
 #include <utility>
 #include <vector>
@@ -20,8 +21,9 @@ using Knowledge = ModelQuestions::Knowledge;
 // tags, or refuses them all.
 constexpr milliseconds kNothingToRead{1000};
 // A group without an interval that is faster than the broker rests at least this long, and longer
-// while that lasts. It begins a cycle about this often, also while the broker is away.
+// while that lasts.
 constexpr std::chrono::microseconds kUplinkRest{500};
+// Such a group begins a cycle about this often, also while the broker is away.
 constexpr milliseconds kBehindInterval{1000};
 // An overload ends when the line has a little to spare, so that the log stays quiet at the edge.
 constexpr double kOverloadOver = 0.95;

@@ -378,7 +378,7 @@ TEST_F(CommandAdmissionTest, RejectedAndExpiredIdsAreRememberedToo) {
     const CommandResult again = answered(write(id));
     EXPECT_EQ(again.status, CommandStatus::duplicate) << id;
     ASSERT_NE(again.first, nullptr) << id;
-    EXPECT_EQ(again.first->recorded.find(R"("reason":null)"), std::string::npos) << id;
+    EXPECT_NE(again.first->recorded.find(R"("reason":")"), std::string::npos) << id;
   }
 }
 
