@@ -31,14 +31,6 @@ std::optional<Command> command_of(const JournalEntry& entry, std::uint32_t devic
   return command;
 }
 
-/// Cuts everything behind the command off `payload` and returns it.
-std::string cut_place(std::string& payload) {
-  const std::size_t end = payload.rfind('}') + 1;  // npos + 1 is 0
-  std::string place = payload.substr(end);
-  payload.resize(end);
-  return place;
-}
-
 /// Returns the result of a command whose outcome cannot or need not be read back.
 CommandResult interrupted(const JournalEntry& entry, const std::optional<Command>& command) {
   CommandResult result;
@@ -92,6 +84,13 @@ void take(JournalEntry entry, std::uint32_t device, CommandJournal& journal, std
 }
 
 }  // namespace
+
+std::string cut_place(std::string& payload) {
+  const std::size_t end = payload.rfind('}') + 1;  // npos + 1 is 0
+  std::string place = payload.substr(end);
+  payload.resize(end);
+  return place;
+}
 
 Recovered recover(const Config& config, CommandJournal& journal, std::int64_t utc_ms,
                   SteadyTime now, const std::vector<JournalEntry>& newer) {

@@ -29,6 +29,9 @@ struct Recovered {
   std::vector<InterruptedWrite> interrupted;
 };
 
+/// Reduces JournalEntry::payload to the command as received. Returns what followed it.
+std::string cut_place(std::string& payload);
+
 /// Call before the field and the uplink start. Each entry in `newer` replaces that of the same
 /// device and id in the journal, whose disk may have refused it.
 Recovered recover(const Config& config, CommandJournal& journal, std::int64_t utc_ms,
