@@ -263,11 +263,8 @@ void LinkState::taken_back() {
 }
 
 void LinkState::check_bus() {
-  // A peer that sends only nonsense must not be reconnected without a pause.
   if (link_.bus.channel().closed_after_silence() && was_open_)
-    next_open_ =
-        Clock::now() +
-        (link_.bus.channel().was_answered() ? nanoseconds(0) : reconnect_policy_.after_loss());
+    next_open_ = Clock::now();
   else if (!link_.bus.is_open() && was_open_)
     lost(link_.bus.channel().why_lost());
 }

@@ -247,32 +247,6 @@ TEST_F(LinkStateTest, PeerThatClosesBeforeItsFirstAnswerIsTriedEverMoreSeldomAnd
   EXPECT_EQ(log.find("state=up"), std::string::npos) << log;
 }
 
-TEST_F(LinkStateTest, ConnectionThatBroughtOnlyNonsenseIsFollowedByAPause) {
-  use(TcpSettings{"192.0.2.10", 502});
-  station = devices[0]->station;
-  station.codec = codec_of("modbus-tcp");
-  const auto expect = [this](int number) -> ScriptedTransport& {
-    return wire->expect(
-        *from_hex("00 0" + std::to_string(number) + " 00 00 00 06 01 03 00 00 00 01"));
-  };
-  open();
-  expect(1).give(*from_hex("00 01 00 00 00 05 01 03 02 00 07"));
-  EXPECT_TRUE(read("hr:0").has_answer());
-  nanoseconds longest{0};
-  for (int number = 2; number < 10; ++number) {
-    expect(number).give({0x00}).silence();
-    read("hr:0");
-    link->check_bus();
-    EXPECT_TRUE(bus->channel().closed_after_silence());
-    longest = std::max(longest, next_open_in());
-    if (number == 2) {
-      EXPECT_LE(longest, nanoseconds(0)) << "this one had an answer";
-    }
-    open();
-  }
-  EXPECT_GT(longest, nanoseconds(0));
-}
-
 TEST_F(LinkStateTest, ConnectionThatFollowsAVainOneIsUpOnceItHasAnswered) {
   use(TcpSettings{"192.0.2.10", 5551});
   wire->silence().expect(kReadD100).hang_up();
