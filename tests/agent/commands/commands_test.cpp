@@ -310,6 +310,7 @@ TEST_F(CommandsTest, InterruptedWriteWhosePlaceHasChangedIsNotReadBack) {
             std::make_shared<const Options>(Options{{"station", std::int64_t{3}}});
       }};
   for (const auto& change : changes) {
+    made.reset();
     config = before;
     const std::string id = "left" + std::to_string(&change - changes.data());
     Recovered known = interrupt(id);

@@ -115,7 +115,8 @@ TEST_F(HomeAssistant, ProtocolWithoutRunAndStopHasNoButtons) {
   config_.devices[0].commands.allow_run_stop = true;
   config_.devices[0].codec = std::make_shared<const modbus::Modbus>(modbus::Modbus::Settings{});
   begin();
-  for (const auto& [key, component] : components().items())
+  const Json found = components();
+  for (const auto& [key, component] : found.items())
     EXPECT_FALSE(key.starts_with("button_")) << key;
 }
 
