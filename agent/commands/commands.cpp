@@ -324,10 +324,10 @@ void Commands::restore(Recovered known, SteadyTime now, std::int64_t utc_ms) {
     const std::string& device = devices_.at(result.device)->name;
     results_.add(device, std::move(result), {}, utc_ms);
   }
-  for (const InterruptedWrite& command : known.interrupted) {
+  for (const auto& [command, place] : known.interrupted) {
     Device& device = *devices_.at(command.device);
     auto admitted = device.admission.interrupted(command, device.codec, now);
-    if (admitted && command.place.ends_with(place_of(config_, *admitted))) {
+    if (admitted && place.ends_with(place_of(config_, *admitted))) {
       device.pending.emplace(command.id, nullptr);
       submit_(std::move(*admitted));
       continue;

@@ -13,7 +13,8 @@
 
 namespace fxagent {
 
-struct InterruptedWrite : Command {
+struct InterruptedWrite {
+  Command command;
   std::string place;  ///< what follows the command in JournalEntry::payload
 };
 

@@ -344,14 +344,14 @@ TEST_F(CommandsTest, FieldIsToldWhoKnowsWhichCommandsHaveStarted) {
 TEST_F(CommandsTest, EachTargetOfAnInterruptedListIsUnknownWhereAReadDoesNotTell) {
   config.devices[0].tags[test::running].writable = true;
   Recovered known;
-  InterruptedWrite list;
+  Command list;
   list.id = "list";
   list.op = Op::write;
   list.op_text = "write";
   list.is_list = true;
   list.targets.push_back({"setpoint", "", std::nullopt, Value(std::int64_t{50})});
   list.targets.push_back({"running", "", std::nullopt, Value(Scalar(true))});
-  known.interrupted.push_back(list);
+  known.interrupted.push_back({list, {}});
   commands().restore(std::move(known), now, kNow);
   EXPECT_TRUE(admitted.empty());
   const auto taken = results(1);

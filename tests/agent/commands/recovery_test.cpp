@@ -62,8 +62,8 @@ TEST_F(RecoveryTest, InterruptedCommandIsReadBackByItsOwnPayload) {
   ASSERT_TRUE(store->journal().journal(std::vector{order("mine", 1, payload)}));
   const Recovered found = recover(config, store->journal(), kNow, kStart);
   ASSERT_EQ(found.interrupted.size(), 1U);
-  EXPECT_EQ(found.interrupted[0].id, "mine");
-  EXPECT_EQ(found.interrupted[0].number, 1U);
+  EXPECT_EQ(found.interrupted[0].command.id, "mine");
+  EXPECT_EQ(found.interrupted[0].command.number, 1U);
   EXPECT_TRUE(found.unacknowledged.empty());
 }
 
@@ -106,7 +106,7 @@ TEST_F(RecoveryTest, InterruptedCommandIsNotYoungerAfterTheClockWasSetBack) {
   ASSERT_TRUE(store->journal().journal(std::vector{order("mine", 1, payload)}));
   const Recovered found = recover(config, store->journal(), kNow - 3'600'000, kStart);
   ASSERT_EQ(found.interrupted.size(), 1U);
-  EXPECT_EQ(found.interrupted[0].received, kStart);
+  EXPECT_EQ(found.interrupted[0].command.received, kStart);
 }
 
 // The payload of another command must not be used: a matching read-back would report SUCCEEDED for
