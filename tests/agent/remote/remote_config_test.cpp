@@ -383,13 +383,18 @@ json with_server(const std::string& version, const std::string& server) {
   return {{"version", version}, {"config", {{"mqtt", {{"servers", {server}}}}}}};
 }
 
-/// Two brokers whose documents redirect the agent to each other.
-TEST_F(RemoteConfigTest, NobodyIsSentToAnotherBrokerAgainBeforeTheVerdict) {
+/// The login of the local file must not go to another broker.
+void start_with_other_servers_allowed(Plant& plant) {
   plant.local()["agent"]["remote_allow"] = {"mqtt.servers", "devices"};
   for (const char* key : {"username", "password", "allow_plain_secret"})
     plant.local()["mqtt"].erase(key);
   plant.write();
   plant.start();
+}
+
+/// Two brokers whose documents redirect the agent to each other.
+TEST_F(RemoteConfigTest, NobodyIsSentToAnotherBrokerAgainBeforeTheVerdict) {
+  start_with_other_servers_allowed(plant);
   EXPECT_TRUE(plant.hear(with_server("b", "mqtt://192.0.2.2")));
   EXPECT_FALSE(plant.hear(with_server("a", "mqtt://192.0.2.1")));
   EXPECT_EQ(plant.said(), "applied \"b\"");
@@ -412,11 +417,7 @@ TEST_F(RemoteConfigTest, NobodyIsSentToAnotherBrokerAgainBeforeTheVerdict) {
 }
 
 TEST_F(RemoteConfigTest, AnOlderRejectedOneDoesNotTakeThePlaceOfOneThatWaits) {
-  plant.local()["agent"]["remote_allow"] = {"mqtt.servers", "devices"};
-  for (const char* key : {"username", "password", "allow_plain_secret"})
-    plant.local()["mqtt"].erase(key);
-  plant.write();
-  plant.start();
+  start_with_other_servers_allowed(plant);
   EXPECT_TRUE(plant.hear(with_server("b", "mqtt://192.0.2.2")));
   EXPECT_FALSE(plant.hear(plant.with_retries("c", 99)));
   EXPECT_NE(plant.remote().rejected(), "");
@@ -450,11 +451,7 @@ TEST_F(RemoteConfigTest, WhoHasSentARolledBackOneIsKept) {
 }
 
 TEST_F(RemoteConfigTest, OneThatWaitsIsJudgedWhenTheLocalFileEndsTheTrial) {
-  plant.local()["agent"]["remote_allow"] = {"mqtt.servers", "devices"};
-  for (const char* key : {"username", "password", "allow_plain_secret"})
-    plant.local()["mqtt"].erase(key);
-  plant.write();
-  plant.start();
+  start_with_other_servers_allowed(plant);
   EXPECT_TRUE(plant.hear(with_server("b", "mqtt://192.0.2.2")));
   EXPECT_FALSE(plant.hear(with_server("d", "mqtt://192.0.2.4")));
   plant.set("/agent/remote_allow", {"devices"});
@@ -462,6 +459,7 @@ TEST_F(RemoteConfigTest, OneThatWaitsIsJudgedWhenTheLocalFileEndsTheTrial) {
   plant.pass(1s);
   EXPECT_NE(plant.said().find("rejected \"d\""), std::string::npos) << plant.said();
 }
+
 TEST_F(RemoteConfigAfterV1, AnOlderRejectedOneDoesNotComeBackOverARolledBackOne) {
   plant.start();  // after a crash
   plant.hear(plant.with_retries("v0", 99));

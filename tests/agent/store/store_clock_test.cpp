@@ -12,6 +12,15 @@ using namespace test;
 
 constexpr std::int64_t kYear = std::int64_t{365} * 24 * 3600 * 1000;
 
+/// Records an acknowledged command "known" while the clock is a year behind.
+void record_known_a_year_ago(Shelf& shelf) {
+  shelf.open(kNow - kYear);
+  JournalEntry known = shelf.arrived("known", "{}", kNow - kYear);
+  known.audit = told("known");  // the audit keeps the last command number
+  shelf.record_acknowledged(known);
+  shelf.store->upkeep(kStart, kNow - kYear);
+}
+
 TEST(StoreClock, ClockThatIsSetMakesNothingOlderOrYounger) {
   Shelf shelf;
   shelf.config.max_age = 1h;
@@ -31,11 +40,7 @@ TEST(StoreClock, ClockThatIsSetMakesNothingOlderOrYounger) {
 
 TEST(StoreClock, ClockThatIsSetMovesCommandsOfEarlierRunsSinceTheMachineStarted) {
   Shelf shelf;
-  shelf.open(kNow - kYear);
-  JournalEntry known = shelf.arrived("known", "{}", kNow - kYear);
-  known.audit = told("known");  // the audit keeps the last command number
-  shelf.record_acknowledged(known);
-  shelf.store->upkeep(kStart, kNow - kYear);
+  record_known_a_year_ago(shelf);
   shelf.open(kNow - kYear + 1000);
   shelf.store->upkeep(kStart + 1s, kNow - kYear + 1000);
   shelf.store->upkeep(kStart + 2min, kNow + 120000);
@@ -94,11 +99,7 @@ TEST(StoreClock, FileThatOpensBeforeTheClockIsSetKeepsItsOrderAndItsTimes) {
 // Otherwise their commands would count as old, and a repeat of one would be carried out.
 TEST(StoreClock, IdsOfAFileThatOpensAfterTheClockIsSetAreNotOld) {
   Shelf shelf;
-  shelf.open(kNow - kYear);
-  JournalEntry known = shelf.arrived("known", "{}", kNow - kYear);
-  known.audit = told("known");  // the audit keeps the last command number
-  shelf.record_acknowledged(known);
-  shelf.store->upkeep(kStart, kNow - kYear);
+  record_known_a_year_ago(shelf);
   shelf.store.reset();
   const std::string away = shelf.config.path + "-away";
   std::filesystem::rename(shelf.config.path, away);
