@@ -77,10 +77,7 @@ ResultMessage message_of(const std::string& device, CommandResult& result) {
 
 std::string shortened(const std::string& text) {
   constexpr std::size_t kMost = 64;  // bytes
-  if (text.size() <= kMost) return text;
-  std::size_t end = kMost;
-  while (end > 0 && (static_cast<unsigned char>(text[end]) & 0xC0) == 0x80) --end;
-  return text.substr(0, end) + "…";
+  return text.size() <= kMost ? text : std::string(beginning(text, kMost)) + "…";
 }
 
 /// Returns the beginning of a value, for the last commands: at most 16 elements.
