@@ -376,9 +376,9 @@ struct PageApi::Asked {
       const std::string_view one = rest.substr(0, rest.find(','));
       rest.remove_prefix(std::min(rest.size(), one.size() + 1));
       const std::size_t dot = one.find('.');
+      if (dot == one.npos) return std::nullopt;
       const auto device = number_from<std::uint64_t>(one.substr(0, dot));
-      const auto group =
-          dot == one.npos ? std::nullopt : number_from<std::uint64_t>(one.substr(dot + 1));
+      const auto group = number_from<std::uint64_t>(one.substr(dot + 1));
       if (!device || !group || asked.groups.size() == kMostGroups) return std::nullopt;
       asked.groups.emplace_back(*device, *group);
     }
