@@ -238,7 +238,8 @@ void Commands::receive(const std::string& name, std::string_view topic, std::str
     admitted.starts = journal_->starts();
     JournalEntry entry = entry_of(admitted, name);
     entry.audit = audit::admitted(*receipt, entry.id, entry.op, utc_ms);
-    entry.payload = std::move(receipt->payload) + place_of(config_, admitted);
+    entry.payload = std::move(receipt->payload);
+    entry.place = place_of(config_, admitted);
     to_journal_.push_back(std::move(entry));
   }
   admitted_.push_back(std::move(admitted));
@@ -324,7 +325,7 @@ void Commands::restore(Recovered known, SteadyTime now, std::int64_t utc_ms) {
   for (const auto& [command, place] : known.interrupted) {
     Device& device = *devices_.at(command.device);
     auto admitted = device.admission.interrupted(command, device.codec, now);
-    if (admitted && place.ends_with(place_of(config_, *admitted))) {
+    if (admitted && place == place_of(config_, *admitted)) {
       device.pending.emplace(command.id, nullptr);
       submit_(std::move(*admitted));
       continue;

@@ -45,8 +45,8 @@ struct JournalEntry : KnownId {
   bool acknowledged = false;  ///< the broker has the result, or refused it for good
   /// From an earlier run, without a result: it waited when the agent died, and no byte of it left.
   bool surely_not_sent = false;
-  /// As received, followed by a hash of what it changes and where; kept until there is a result.
-  std::string payload;
+  std::string payload;  ///< as received; kept until there is a result
+  std::string place;    ///< hash of what it changes and where; kept as long
   /// Body of an audit record, written together with this entry; empty: none.
   std::string audit;
 };
@@ -54,7 +54,7 @@ struct JournalEntry : KnownId {
 /// Approximate bytes in memory.
 inline std::size_t bytes_of(const JournalEntry& entry) {
   return sizeof(entry) + entry.response_topic.size() + entry.correlation.size() +
-         entry.result.size() + entry.payload.size();
+         entry.result.size() + entry.payload.size() + entry.place.size();
 }
 
 /// PORT: records which commands may have left the agent. After a crash, a restart can distinguish

@@ -55,7 +55,6 @@ CommandResult interrupted(const JournalEntry& entry, const std::optional<Command
 
 void take(JournalEntry entry, std::uint32_t device, CommandJournal& journal, std::int64_t utc_ms,
           SteadyTime now, Recovered& found) {
-  std::string place = cut_place(entry.payload);
   if (entry.result.empty()) {
     // If the store opened late, this run may have carried out a command of that id itself.
     const auto known = journal.find(entry.device, entry.id);
@@ -66,7 +65,7 @@ void take(JournalEntry entry, std::uint32_t device, CommandJournal& journal, std
     auto command = command_of(entry, device, utc_ms, now);
     // The field reads back what a write was to set.
     if (command && command->op == Op::write && !entry.surely_not_sent)
-      return found.interrupted.push_back({std::move(*command), std::move(place)});
+      return found.interrupted.push_back({std::move(*command), std::move(entry.place)});
     entry.result = result_text(interrupted(entry, command));
     if (entry.number != 0)
       entry.audit = audit::result(entry.number, entry.device, entry.result, {}, utc_ms);
@@ -84,13 +83,6 @@ void take(JournalEntry entry, std::uint32_t device, CommandJournal& journal, std
 }
 
 }  // namespace
-
-std::string cut_place(std::string& payload) {
-  const std::size_t end = payload.rfind('}') + 1;  // npos + 1 is 0
-  std::string place = payload.substr(end);
-  payload.resize(end);
-  return place;
-}
 
 Recovered recover(const Config& config, CommandJournal& journal, std::int64_t utc_ms,
                   SteadyTime now, const std::vector<JournalEntry>& newer) {

@@ -15,7 +15,7 @@ namespace fxagent {
 
 struct InterruptedWrite {
   Command command;
-  std::string place;  ///< what follows the command in JournalEntry::payload
+  std::string place;  ///< JournalEntry::place
 };
 
 /// Commands and results belong to devices of the config.
@@ -29,9 +29,6 @@ struct Recovered {
   /// not sent again.
   std::vector<InterruptedWrite> interrupted;
 };
-
-/// Reduces JournalEntry::payload to the command as received. Returns what followed it.
-std::string cut_place(std::string& payload);
 
 /// Call before the field and the uplink start. Each entry in `newer` replaces that of the same
 /// device and id in the journal, whose disk may have refused it.

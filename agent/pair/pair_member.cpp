@@ -8,7 +8,6 @@
 #include <variant>
 
 #include "agent/commands/parse/parse.h"
-#include "agent/commands/recovery.h"
 #include "agent/log/log.h"
 #include "agent/pair/pair_messages.h"
 #include "agent/process/this_process.h"
@@ -267,7 +266,6 @@ void PairMember::send_journal(BootTime now) {
   if (!left) return;
   pair_messages::Announcement announcement{
       .boot = boot_, .unanswered = true, .entry = std::move(*left)};
-  cut_place(announcement.entry.payload);
   announcement.id_is_number = parse_command(announcement.entry.payload).id_is_number;
   announcing_ = publish_in_journal(*member_, pair_messages::announcement(announcement));
 }

@@ -66,7 +66,11 @@ JournalEntry entry_of(const SQLite::Statement& row) {
   entry.result = text(row, 7);
   entry.acknowledged = number(row, 8) != 0;
   entry.number = from_sql(number(row, 9));
-  entry.payload = text(row, 10);
+  // The place follows the command, whose text ends with a brace or white space.
+  const std::string_view payload = text(row, 10);
+  const std::size_t end = payload.find_last_of("} \t\r\n") + 1;  // npos + 1 is 0
+  entry.payload = payload.substr(0, end);
+  entry.place = payload.substr(end);
   entry.refused = number(row, 11) != 0;
   return entry;
 }
@@ -128,7 +132,8 @@ void CommandTable::change(const std::string& device, const std::string& id,
 void CommandTable::insert(const JournalEntry& entry) {
   change(entry.device, entry.id, [&] {
     sqlite::run(insert_, entry.device, entry.id, entry.received_ms, entry.deadline_ms, entry.op,
-                entry.response_topic, ByteView(entry.correlation), entry.number, entry.payload);
+                entry.response_topic, ByteView(entry.correlation), entry.number,
+                entry.payload + entry.place);
   });
 }
 

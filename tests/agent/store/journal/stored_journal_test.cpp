@@ -41,6 +41,19 @@ TEST_F(StoredJournalTest, CommandWhoseResultWasPublishedAndLostIsKnownAndOver) {
       std::any_of(ids.begin(), ids.end(), [](const auto& known) { return known.id == "x"; }));
 }
 
+TEST_F(StoredJournalTest, CommandAndItsPlaceComeBackAsTwoFromOneColumn) {
+  for (const std::string place : {"", "0123456789abcdef"})
+    for (const std::string payload : {"{\"id\":7}", "{} ", "{}\r\n\t"}) {
+      JournalEntry command = shelf.arrived(place + payload);
+      command.payload = payload;
+      command.place = place;
+      ASSERT_TRUE(shelf.journal(command));
+      const auto found = shelf.found(command.id);
+      EXPECT_EQ(found->payload, payload);
+      EXPECT_EQ(found->place, place);
+    }
+}
+
 TEST_F(StoredJournalTest, UnwrittenIsEveryEntryOfWhichTheDiskHasRefusedAPart) {
   StoredJournal& journal = shelf.store->journal();
   JournalEntry early = shelf.arrived("early");
