@@ -68,14 +68,7 @@ int wait_for_stop(StopWatchdog& watchdog, ServiceReports& reports) {
 /// True while the threads of the MQTT library advance. Without them the agent neither sends nor
 /// receives, and only a new process gets new threads.
 bool advances(ThreadProgress& library) {
-  const bool was_well = library.hanging_thread().empty();
-  library.check(std::chrono::steady_clock::now(), paho_looks_up_host());
-  const std::string& stuck = library.hanging_thread();
-  if (was_well && !stuck.empty())
-    log::error("watchdog", {{"stands_still", "uplink"},
-                            {"thread", stuck},
-                            {"note", "a thread of the MQTT library hangs"}});
-  return stuck.empty();
+  return library.check(std::chrono::steady_clock::now(), paho_looks_up_host());
 }
 
 /// Starts the flight recorder; nullptr if the config has none.
@@ -174,7 +167,7 @@ ProfileParts make_profile(const Config& config, const ProfileConfig& what,
 std::uint64_t stand_by(PairMember& pair, const std::function<void()>& hangup) {
   service_manager::notify_ready();
   service_manager::notify_status("standby of its pair");
-  ThreadProgress library(kLibraryThreads);
+  ThreadProgress library(kLibraryThreads, "pair");
   return pair.await_claim([&] {
     if (advances(library) && service_manager::watchdog_interval()) service_manager::notify_alive();
     if (hangup_within(std::chrono::seconds(0))) hangup();
@@ -302,7 +295,7 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
   };
   Reload reload(path, remote, std::move(in_force), field, outbox, publisher, take_back, begin);
   std::jthread uplink([&](std::stop_token stop) {
-    ThreadProgress library(kLibraryThreads);
+    ThreadProgress library(kLibraryThreads, "uplink");
     run_uplink(publisher, outbox, stop, [&] {
       if (advances(library)) signs.uplink_went_on();
     });

@@ -8,6 +8,8 @@
 #include <system_error>
 #include <utility>
 
+#include "agent/log/log.h"
+
 namespace fxagent {
 namespace {
 
@@ -42,14 +44,14 @@ std::optional<Thread> thread_at(const std::filesystem::path& task, std::string_v
 
 }  // namespace
 
-void ThreadProgress::check(Time now, bool excused) {
-  if (now < check_at_) return;
+bool ThreadProgress::check(Time now, bool excused) {
+  if (now < check_at_) return hanging_thread_.empty();
   check_at_ = now + kBetweenChecks;
-  hanging_thread_.clear();
+  const bool was_well = std::exchange(hanging_thread_, {}).empty();
   const auto before = std::exchange(seen_, {});
   std::error_code fault;
   const std::filesystem::directory_iterator tasks("/proc/self/task", fault);
-  if (fault || excused) return;
+  if (fault || excused) return true;
   for (const auto& task : tasks) {
     const auto thread = thread_at(task.path(), prefix_);
     if (!thread) continue;
@@ -61,6 +63,11 @@ void ThreadProgress::check(Time now, bool excused) {
     if (seen.checks >= kChecks) hanging_thread_ = thread->name;
     seen_.emplace(id, seen);
   }
+  if (was_well && !hanging_thread_.empty())
+    log::error("watchdog", {{"stands_still", part_},
+                            {"thread", hanging_thread_},
+                            {"note", "this thread has not run for 2 min"}});
+  return hanging_thread_.empty();
 }
 
 }  // namespace fxagent

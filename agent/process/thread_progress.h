@@ -19,12 +19,14 @@ class ThreadProgress final {
   static constexpr int kChecks = 12;
 
   /// Checks the threads of this process whose names begin with `prefix`. Each of them must wait for
-  /// less than kBetweenChecks at a time, unless `excused`.
-  explicit ThreadProgress(std::string prefix) : prefix_(std::move(prefix)) {}
+  /// less than kBetweenChecks at a time, unless `excused`. `part`: the part of the agent that hangs
+  /// with them, for the log.
+  ThreadProgress(std::string prefix, std::string part)
+      : prefix_(std::move(prefix)), part_(std::move(part)) {}
 
   /// Checks the threads if a check is due. `excused`: they may be waiting for something else now,
-  /// and their counts begin again.
-  void check(Time now, bool excused);
+  /// and their counts begin again. Returns true while none hangs; logs the first that does.
+  bool check(Time now, bool excused);
   /// The name of a thread that hangs; empty: none does, or it is not known.
   const std::string& hanging_thread() const { return hanging_thread_; }
 
@@ -35,6 +37,7 @@ class ThreadProgress final {
   };
 
   std::string prefix_;
+  std::string part_;
   std::map<int, Seen> seen_;  ///< by thread id
   Time check_at_{};
   std::string hanging_thread_;

@@ -76,10 +76,10 @@ struct ThreadProgressTest : testing::Test {
   void settle(const Worker& worker) {
     while (!worker.is_asleep()) std::this_thread::yield();
     while (after(ThreadProgress::kChecks).empty()) std::this_thread::yield();
-    turns = ThreadProgress(kName);
+    turns = ThreadProgress(kName, "pair");
   }
 
-  ThreadProgress turns{kName};
+  ThreadProgress turns{kName, "pair"};
   ThreadProgress::Time now = kBeginning;
 };
 
@@ -91,6 +91,18 @@ TEST_F(ThreadProgressTest, AThreadThatIsNeverSwitchedStandsStillAndIsNamed) {
   EXPECT_EQ(after(10), kName);
   worker.turn();
   EXPECT_EQ(after(1), "");
+}
+
+TEST_F(ThreadProgressTest, WhatStandsStillIsLoggedOnceWithItsPart) {
+  const Worker worker;
+  settle(worker);
+  testing::internal::CaptureStderr();
+  after(ThreadProgress::kChecks + 10);
+  EXPECT_FALSE(turns.check(now, false));
+  const std::string log = testing::internal::GetCapturedStderr();
+  const std::string line = std::string("error watchdog stands_still=pair thread=") + kName;
+  EXPECT_NE(log.find(line), log.npos) << log;
+  EXPECT_EQ(log.find(line), log.rfind(line)) << log;
 }
 
 TEST_F(ThreadProgressTest, AThreadThatTakesATurnNowAndThenGoesOn) {
