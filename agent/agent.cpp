@@ -113,8 +113,8 @@ ProfileParts make_profile(const Config& config, const ProfileConfig& what,
   Outlet::Settings settings;
   switch (what.kind) {
     case ProfileConfig::Kind::json:
-      parts.profile = std::make_unique<JsonProfile>(config, run.boot, run.version, utc_now_ms(),
-                                                    what.broker, std::move(relay));
+      parts.profile = std::make_unique<JsonProfile>(config, what, run.boot, run.version,
+                                                    utc_now_ms(), std::move(relay));
       break;
     case ProfileConfig::Kind::plain:
       parts.profile =

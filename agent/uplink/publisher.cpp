@@ -34,7 +34,7 @@ Publisher::Publisher(Config& config, PublisherSettings settings, JsonPayload& pa
                 [this](SteadyTime now) { connection_ended(now); },
                 [this] { samples_.spool_live(); }, [this] { own_topics_.session_taken_over(); }}),
       states_(std::as_const(config).devices.size()),
-      retained_(config, states_, payload, outgoing_, backoff_,
+      retained_(config, states_, payload, outgoing_, backoff_, "state",
                 {[this] {
                    return payload_.agent_online(*started_ms_, subscriptions_.not_heard_why(),
                                                 own_topics_.conflict());

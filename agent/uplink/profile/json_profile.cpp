@@ -7,12 +7,13 @@
 
 namespace fxagent {
 
-JsonProfile::JsonProfile(const Config& config, std::string boot, std::string version,
-                         std::int64_t since_ms, std::string broker, RelayCommand relay)
+JsonProfile::JsonProfile(const Config& config, const ProfileConfig& profile, std::string boot,
+                         std::string version, std::int64_t since_ms, RelayCommand relay)
     : config_(config),
-      payload_(config, std::move(boot), std::move(version), broker),  // before it is moved
+      payload_(config, std::move(boot), std::move(version), profile.broker),
       since_ms_(since_ms),
-      broker_(std::move(broker)),
+      name_(name_of(profile)),
+      broker_(profile.broker),
       relay_(std::move(relay)),
       states_(config.devices.size()) {
   if (!relay_) not_heard_why_ = "this broker sends no commands";
@@ -22,7 +23,7 @@ void JsonProfile::begin(Outgoing& outgoing, JitteredBackoff& backoff) {
   const auto agent_state = [this] {
     return payload_.agent_online(since_ms_, not_heard_why_, std::nullopt);
   };
-  retained_.emplace(config_, states_, payload_, outgoing, backoff,
+  retained_.emplace(config_, states_, payload_, outgoing, backoff, name_,
                     RetainedState::Source{agent_state, {}});
 }
 

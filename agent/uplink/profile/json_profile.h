@@ -18,10 +18,10 @@ namespace fxagent {
 
 class JsonProfile final : public Profile {
  public:
-  /// `config` outlives it. `since_ms` is the start of the agent. `broker` is the name of the
-  /// broker, for the audit. `relay` is empty if the broker may not send commands.
-  JsonProfile(const Config& config, std::string boot, std::string version, std::int64_t since_ms,
-              std::string broker, RelayCommand relay);
+  /// `config` outlives it. `since_ms` is the start of the agent. `relay` is empty if the broker may
+  /// not send commands.
+  JsonProfile(const Config& config, const ProfileConfig& profile, std::string boot,
+              std::string version, std::int64_t since_ms, RelayCommand relay);
 
   void begin(Outgoing& outgoing, JitteredBackoff& backoff) override;
   Publication last_will() override { return payload_.last_will(); }
@@ -50,6 +50,7 @@ class JsonProfile final : public Profile {
   const Config& config_;
   JsonPayload payload_;
   const std::int64_t since_ms_;
+  const std::string name_;
   const std::string broker_;
   const RelayCommand relay_;
   DeviceStates states_;

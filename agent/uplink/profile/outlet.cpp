@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <chrono>
 #include <cstddef>
+#include <set>
+#include <string>
 #include <type_traits>
 #include <utility>
 #include <variant>
@@ -53,8 +55,11 @@ void Outlet::take(const Outbox::Batch& batch, SteadyTime now) {
 }
 
 void Outlet::change(const ConfigChange& change, SteadyTime now) {
-  // The profile has nothing for live samples of these; as history they are delivered or counted.
-  samples_.make_history({change.devices_gone.begin(), change.devices_gone.end()});
+  // The profile may have nothing for live samples of these; as history they are delivered or
+  // counted.
+  std::set<std::string> changed(change.devices_gone.begin(), change.devices_gone.end());
+  for (const std::uint32_t i : change.devices_begin) changed.insert(config_.devices[i].name);
+  samples_.make_history(changed);
   samples_.change(change);
   profile_.change(change);
   if (!change.mqtt || !settings_.mqtt_of) return;

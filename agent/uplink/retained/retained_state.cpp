@@ -18,16 +18,19 @@ constexpr seconds kComesBackWithin{2};
 }  // namespace
 
 RetainedState::RetainedState(const Config& config, const DeviceStates& states, JsonPayload& payload,
-                             Outgoing& outgoing, JitteredBackoff& backoff, Source source)
+                             Outgoing& outgoing, JitteredBackoff& backoff, std::string what,
+                             Source source)
     : config_(config),
       states_(states),
       payload_(payload),
       outgoing_(outgoing),
       backoff_(backoff),
+      what_(std::move(what)),
       source_(std::move(source)) {}
 
 void RetainedState::connection_began() {
   std::erase_if(due_, [](const auto& each) { return each.first.item != Item::clear; });
+  for (auto& [key, due] : due_) due = {};
   everything_is_due();
   if (config_report_) config_report_is_due();
 }
@@ -151,13 +154,13 @@ void RetainedState::delivered(std::uint64_t id, SteadyTime) {
 }
 
 void RetainedState::failed(const DeliveryFailed& event, SteadyTime now) {
-  auto found = flights_.extract(event.id);
-  if (found.empty()) return;  // of a removed device
-  const Flight flight = std::move(found.mapped());
-  log_failed("state", event);
-  if (is_final(event.reason_code)) return;
-  due_.insert_or_assign(flight.key,
-                        Due{now + backoff_.after(flight.failures), flight.failures + 1});
+  const auto found = flights_.find(event.id);
+  if (found == flights_.end()) return;  // of a removed device
+  log_failed(what_, event);
+  if (is_final(event.reason_code)) return delivered(event.id, now);
+  const auto& [key, failures, clears] = found->second;
+  due_.insert_or_assign(key, Due{now + backoff_.after(failures), failures + 1});
+  flights_.erase(found);
 }
 
 SteadyTime RetainedState::next_wake(SteadyTime now) const {

@@ -40,9 +40,9 @@ class RetainedState final : public Outgoing::Sender {
     std::function<Publication(SteadyTime)> health;
   };
 
-  /// All references outlive the object.
+  /// All references outlive the object. `what` names the session in the log of a refusal.
   RetainedState(const Config& config, const DeviceStates& states, JsonPayload& payload,
-                Outgoing& outgoing, JitteredBackoff& backoff, Source source);
+                Outgoing& outgoing, JitteredBackoff& backoff, std::string what, Source source);
 
   /// Everything is due except health, whose counters must be requested first.
   void connection_began();
@@ -51,8 +51,8 @@ class RetainedState final : public Outgoing::Sender {
   /// overwritten them.
   void everything_is_due();
   /// Sets the text of {base}/config/reported. Until then nothing is published there. Empty: the
-  /// topic is cleared, until a broker has acknowledged that. config_report_is_due() publishes it in
-  /// this connection.
+  /// topic is cleared, until a broker has acknowledged that or refused it for good.
+  /// config_report_is_due() publishes it in this connection.
   void set_config_report(std::string text) { config_report_ = std::move(text); }
   // These have an effect only while connected: a connection begins with everything.
   void agent_state_changed() { due_[{Item::agent_state, 0, {}}] = {}; }
@@ -114,6 +114,7 @@ class RetainedState final : public Outgoing::Sender {
   JsonPayload& payload_;
   Outgoing& outgoing_;
   JitteredBackoff& backoff_;
+  const std::string what_;
   const Source source_;
   std::optional<std::string> config_report_;
   std::map<Key, Due> due_;

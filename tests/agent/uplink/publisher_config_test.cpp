@@ -125,6 +125,23 @@ TEST_F(PublisherConfig, AReportIsClearedAgainIfTheConnectionBreaksBeforeTheBroke
   }
 }
 
+TEST_F(PublisherConfig, AReportThatTheBrokerWillNeverLetBeClearedIsNotClearedAgain) {
+  config.remote.enabled = true;
+  listen();
+  made().own_topics().report_config("one", "");
+  settle();
+  broker.acknowledges = false;
+  made().own_topics().report_config("", "");
+  settle();
+  ASSERT_EQ(broker.open(), 1U);
+  broker.refuse_next(kTopicNameInvalid);
+  settle();
+  broker.acknowledges = true;
+  lose_connection();
+  advance(60s);
+  EXPECT_EQ(broker.on(kReported), (std::vector<std::string>{"one", ""}));
+}
+
 /// Records the sender and the outcome. Publishing the same answer again adds no record.
 TEST(PublisherConfigAudit, AnAnswerThatIsNewsIsARecord) {
   test::Scratch scratch;

@@ -26,6 +26,7 @@ struct OutletTest : testing::TestWithParam<ProfileConfig::Kind> {
     config_.store.path = scratch_.path("store");
     ProfileConfig what;
     what.kind = GetParam();
+    if (what.kind == ProfileConfig::Kind::json) what.broker = "cloud";
     what.topic = "{root}/{id}/{device}/{tag}";
     what.group = "plant-a";
     what.node = "edge7";
@@ -37,8 +38,7 @@ struct OutletTest : testing::TestWithParam<ProfileConfig::Kind> {
     else if (what.kind == ProfileConfig::Kind::plain)
       profile_ = std::make_unique<PlainProfile>(config_, what, relay, new_id);
     else
-      profile_ =
-          std::make_unique<JsonProfile>(config_, "9f3c21aa", "0.1.0", kStartMs, "cloud", relay);
+      profile_ = std::make_unique<JsonProfile>(config_, what, "9f3c21aa", "0.1.0", kStartMs, relay);
     store_ = std::make_unique<Store>(config_.store, kStartMs);
     guarded_ = std::make_unique<GuardedStore>(*store_, [] {});
     Outlet::Settings settings;
@@ -339,6 +339,20 @@ TEST_P(PlainOutletTest, TopicOfARemovedTagIsClearedThoughASampleWaits) {
   EXPECT_EQ(broker_.on(kTemp), (std::vector<std::string>{"1", ""}));
 }
 
+TEST_P(PlainOutletTest, WaitingSampleOfARemovedTagIsDelivered) {
+  settle(1s);
+  take(1.0);
+  settle();
+  take(2.0);
+  Config wanted = config_;
+  wanted.devices[0].tags[0].name = "other";
+  change_to(std::move(wanted));
+  EXPECT_EQ(drained().acknowledged, 2U);
+  const auto history = broker_.on(kTemp + "/history");
+  ASSERT_EQ(history.size(), 1U);
+  test::expect_says(history[0], ",2]]");
+}
+
 TEST_P(PlainOutletTest, TopicOfADeviceRemovedWhileTheBrokerIsAwayIsClearedLater) {
   settle(1s);
   take(1.0);
@@ -633,6 +647,30 @@ TEST_P(JsonOutletTest, StateThatTheBrokerRefusesForATimeIsRepeatedAlone) {
   settle(2s);
   EXPECT_EQ(states().size(), 2U);
   EXPECT_EQ(broker_.log.size(), 2U);
+}
+
+TEST_P(JsonOutletTest, RefusalOfAStateIsLoggedWithTheNameOfTheProfile) {
+  take(DeviceStatus::State::online);
+  settle();
+  broker_.refuse_next(0x97);
+  testing::internal::CaptureStderr();
+  settle();
+  test::expect_says(testing::internal::GetCapturedStderr(),
+                    "publish_refused what=" + outlet_->status().name + " code=0x97");
+}
+
+TEST_P(JsonOutletTest, TopicRefusedToBeClearedIsClearedAtOnceInTheNextConnection) {
+  broker_.acknowledges = true;
+  broker_.refuses_topic = "/press1/";
+  remove_press1();
+  for (int i = 0; i < 10; ++i) settle(30s);  // the pauses have grown
+  settle(1s);
+  const auto refused = states().size();
+  ASSERT_GT(refused, 1U);
+  broker_.refuses_topic.clear();
+  lose_connection();
+  settle(2s);
+  EXPECT_EQ(states(), kCleared);
 }
 
 TEST_P(JsonOutletTest, TopicsOfADeviceRemovedWhileTheBrokerIsAwayAreClearedLater) {
