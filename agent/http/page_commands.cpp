@@ -10,10 +10,10 @@
 #include <string_view>
 #include <utility>
 
+#include "agent/config/json/tree.h"
 #include "agent/config/token_line.h"
 #include "agent/file_handle.h"
 #include "agent/log/log.h"
-#include "agent/text/json.h"
 #include "protocol/letter_case.h"
 
 namespace fxagent {
@@ -67,37 +67,22 @@ bool is_json(std::string_view type) {
   return name.substr(0, name.find_last_not_of(' ') + 1) == kJson;
 }
 
-/// Removes the member `device` from a valid JSON object, in which it is a string. Everything else
-/// stays as it was sent, for the checks of a command. A second `device` stays, too, and is refused.
-std::string without_device(std::string_view text) {
-  constexpr std::string_view kKey = "\"device\"";
-  const auto end_of_string = [text](std::size_t at) {
-    while (text[++at] != '"')
-      if (text[at] == '\\') ++at;
-    return at + 1;
-  };
-  std::size_t comma = text.npos;  // before the member
-  int depth = 0;
-  for (std::size_t at = 0; at < text.size(); ++at) {
-    const char c = text[at];
-    depth += c == '{' || c == '[' ? 1 : c == '}' || c == ']' ? -1 : 0;
-    if (c == ',' && depth == 1) comma = at;
-    if (c != '"') continue;
-    std::size_t end = end_of_string(at);
-    const std::size_t next = text.find_first_not_of(" \t\r\n", end);
-    if (depth != 1 || text.substr(at, end - at) != kKey || text[next] != ':') {
-      at = end - 1;
-      continue;
-    }
-    end = end_of_string(text.find('"', next));
-    const std::size_t follows = text.find_first_not_of(" \t\r\n", end);
-    if (comma != text.npos)
-      at = comma;
-    else if (text[follows] == ',')
-      end = follows + 1;
-    return std::string(text.substr(0, at)).append(text.substr(end));
-  }
-  return std::string(text);
+/// Returns the text of a member; empty if it is absent or not a string.
+std::string text_of(const ConfigNode* member) {
+  const bool is_string = member != nullptr && member->kind == ConfigNode::Kind::string;
+  return is_string ? member->text : std::string();
+}
+
+/// Removes a member whose value is a string. Everything else stays as it was sent, for the checks
+/// of a command.
+std::string without(const ConfigNode& member, std::string_view text) {
+  const auto& members = member.parent->children;
+  const bool is_first = &member == &members.front();
+  // The offset of a key or a string is that of its last byte.
+  const std::size_t begin = text.rfind(is_first ? '"' : ',', member.key_offset - 1);
+  const std::size_t last =
+      is_first && members.size() > 1 ? text.find(',', member.offset) : member.offset;
+  return std::string(text.substr(0, begin)).append(text.substr(last + 1));
 }
 
 }  // namespace
@@ -137,16 +122,20 @@ std::optional<HttpAnswer> PageCommands::place(const HttpRequest& request) {
     }
     return refusal(kUnauthorized, "Authorization must be Bearer and a token of http.token_file");
   }
-  const auto body = parsed_json(request.body);
-  const std::string device = text_at(body, "device");
-  // A NUL ends the text for the parser, but not for without_device().
-  if (device.empty() || request.body.find('\0') != request.body.npos)
+  const auto body = ConfigTree::parse(request.body, ConfigTree::Folding::none);
+  if (!body) return refusal(kBadRequest, body.error().text);
+  const ConfigNode& root = body->root();
+  const ConfigNode* const device = root.find("device");
+  if (text_of(device).empty())
     return refusal(kBadRequest,
                    "the body must be a command as JSON, with the name of its device in \"device\"");
+  if (std::ranges::count(root.children, "device", &ConfigNode::key) > 1)
+    return refusal(kBadRequest, "key 'device' occurs twice");
   RelayedCommand command;
-  command.device = device;
-  command.payload = without_device(request.body);
-  command.sender = "page:" + (name->empty() ? text_at(body, "by").substr(0, kLongestName) : *name);
+  command.device = device->text;
+  command.payload = without(*device, request.body);
+  command.sender =
+      "page:" + (name->empty() ? text_of(root.find("by")).substr(0, kLongestName) : *name);
   command.reply = [inbox = inbox_, number = request.number](const std::string& result) {
     const std::lock_guard lock(inbox->mutex);
     inbox->results.push_back({number, result + "\n"});

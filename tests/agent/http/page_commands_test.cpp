@@ -148,14 +148,29 @@ TEST_F(PageCommandsTest, OnlyTheDeviceIsTakenOutOfTheCommand) {
        R"({"id":"device","op":["device",{"device":"b"}]})"},
       {R"({"value":1e3,"device":"a","value":9007199254740993})",
        R"({"value":1e3,"value":9007199254740993})"},
-      {R"({"device":"a","device":"b"})", R"({"device":"b"})"},
-      {"{\"\\u0064evice\":\"a\"}", "{\"\\u0064evice\":\"a\"}"},
+      {"{\"id\":[7],\"\\u0064evice\":\"a,\\\\\",\"op\":1}", "{\"id\":[7],\"op\":1}"},
   };
   for (const auto& [body, payload] : cases) {
     HttpRequest one = request();
     one.body = body;
     ASSERT_EQ(refused(one), 0U) << body;
     EXPECT_EQ(placed_.back().payload, payload);
+  }
+}
+
+TEST_F(PageCommandsTest, RefusalOfABrokenBodyNamesItsPlaceOrKey) {
+  const std::vector<std::pair<std::string, std::string>> cases{
+      {R"({"device":"a",})", "not JSON at line 1, column 15"},
+      {"{\"device\":\"a\",\n\"id\" 7}", "not JSON at line 2, column 5"},
+      {R"({"device":"a","device":"b"})", "key 'device' occurs twice"},
+  };
+  for (const auto& [body, why] : cases) {
+    HttpRequest one = request();
+    one.body = body;
+    const auto answer = commands().place(one);
+    ASSERT_TRUE(answer) << body;
+    EXPECT_EQ(answer->status, 400U);
+    EXPECT_NE(answer->body->find(why), std::string::npos) << *answer->body;
   }
 }
 
