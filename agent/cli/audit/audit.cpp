@@ -100,10 +100,7 @@ int run_audit(const Config& config, const AuditQuestion& question) {
       return print_findings(verifier, head,
                             {{verifier.records() + 1, "the file is damaged: " + unread->why}},
                             question.as_json);
-    return refuse(path + ": " + unread->why +
-                  (unread->why.starts_with("no such table")
-                       ? "; an older agent wrote this file. The audit begins when this version runs"
-                       : ""));
+    return refuse(path + ": " + unread->why);
   }
   name_set_aside(config.store.path);
   if (question.verify)

@@ -1,5 +1,7 @@
 #include "agent/store/disk/sqlite.h"
 
+#include <algorithm>
+
 namespace fxagent::sqlite {
 
 SQLite::Database open(const std::string& path) {
@@ -24,25 +26,29 @@ void bind(SQLite::Statement& statement, int position, ByteView value) {
   statement.bind(position, data, static_cast<int>(value.size()));
 }
 
-void migrate(SQLite::Database& database, std::span<const char* const> steps) {
-  const std::int64_t newest = static_cast<std::int64_t>(steps.size());
+void migrate(SQLite::Database& database, std::int64_t first, std::span<const char* const> steps) {
+  const std::int64_t newest = first + std::ssize(steps) - 1;
   std::int64_t version = database.execAndGet("PRAGMA user_version").getInt64();
-  if (version > newest)
-    throw SQLite::Exception("a newer version of the agent wrote it: format " +
-                                std::to_string(version) + ", this one reads up to " +
-                                std::to_string(newest),
-                            SQLITE_SCHEMA);
-  for (; version < newest; ++version) {
+  const bool is_newer = version > newest;
+  if (is_newer || (version != 0 && version < first))
+    throw SQLite::Exception(
+        std::string(is_newer ? "a newer version of the agent" : "an agent from before 0.1.0") +
+            " wrote it: format " + std::to_string(version) + ", this one reads " +
+            std::to_string(first) + " to " + std::to_string(newest) +
+            "; nothing in it is lost, and the agent that wrote it can still send it",
+        SQLITE_SCHEMA);
+  for (version = std::max(version, first - 1); version < newest; ++version) {
     SQLite::Transaction transaction(database, SQLite::TransactionBehavior::IMMEDIATE);
-    database.exec(steps[static_cast<std::size_t>(version)]);
+    database.exec(steps[static_cast<std::size_t>(version + 1 - first)]);
     database.exec("PRAGMA user_version = " + std::to_string(version + 1));
     transaction.commit();
   }
 }
 
-void check_schema(SQLite::Database& database, std::span<const char* const> steps) {
+void check_schema(SQLite::Database& database, std::int64_t first,
+                  std::span<const char* const> steps) {
   SQLite::Database model = open(":memory:");
-  migrate(model, steps);
+  migrate(model, first, steps);
   SQLite::Statement wanted(model, "SELECT name, sql FROM sqlite_master WHERE sql IS NOT NULL");
   SQLite::Statement found(database, "SELECT sql FROM sqlite_master WHERE name = ?");
   each(wanted, [&](const SQLite::Statement& part) {

@@ -102,13 +102,15 @@ void each(SQLite::Statement& statement, Take&& take, const Values&... values) {
 
 // ---- the schema
 
-/// Brings the schema from its `user_version` to the newest: step i leads from version i to i + 1,
-/// each in its own transaction. Throws SQLite::Exception if a step fails, with code SQLITE_SCHEMA
-/// if a newer program wrote the file.
-void migrate(SQLite::Database& database, std::span<const char* const> steps);
+/// Brings the schema from its `user_version` to the newest. The first step makes version `first` in
+/// a new file, each later step the next version, each in its own transaction. Throws
+/// SQLite::Exception if a step fails, with code SQLITE_SCHEMA if a newer program wrote the file, or
+/// one from before `first`.
+void migrate(SQLite::Database& database, std::int64_t first, std::span<const char* const> steps);
 
 /// Checks that everything the steps create exists, with the same SQL. Additional tables and indexes
 /// are allowed. Throws SQLite::Exception, with code SQLITE_SCHEMA if something differs.
-void check_schema(SQLite::Database& database, std::span<const char* const> steps);
+void check_schema(SQLite::Database& database, std::int64_t first,
+                  std::span<const char* const> steps);
 
 }  // namespace fxagent::sqlite

@@ -23,34 +23,30 @@ constexpr milliseconds kAskAgain{10};
 // Passes of one checkpoint. The second is short; usually no commit has come since the first.
 constexpr int kPasses = 2;
 
-// Step i leads from user_version i to i + 1. `grp` is a group. Rows of a stream are ordered by seq.
+// The user_version that the first step makes. Agents before 0.1.0 had 1 to 4.
+constexpr std::int64_t kFirstVersion = 5;
+// `grp` is a group. Rows of a stream are ordered by seq. `payload` holds the command as received
+// until there is a result. Command numbers (`arrival`) decide which ids are the newest: a clock can
+// be set back. Refused commands are kept while there is room.
 constexpr const char* kSchema[] = {
     "CREATE TABLE samples(id INTEGER PRIMARY KEY, device TEXT NOT NULL, grp TEXT NOT NULL,"
-    " seq INTEGER NOT NULL, created_ms INTEGER NOT NULL, row TEXT NOT NULL);"
+    " seq INTEGER NOT NULL, created_ms INTEGER NOT NULL, row TEXT NOT NULL,"
+    " format INTEGER NOT NULL DEFAULT 0);"
     "CREATE INDEX samples_by_lane ON samples(device, grp, seq, id);"
     "CREATE TABLE devices(name TEXT PRIMARY KEY, last_seq INTEGER NOT NULL,"
     " clean INTEGER NOT NULL) WITHOUT ROWID;"
     "CREATE TABLE orders(device TEXT NOT NULL, id TEXT NOT NULL, received_ms INTEGER NOT NULL,"
     " deadline_ms INTEGER NOT NULL, op TEXT NOT NULL, response_topic TEXT NOT NULL,"
     " correlation BLOB NOT NULL, result TEXT NOT NULL, told INTEGER NOT NULL,"
-    " PRIMARY KEY(device, id)) WITHOUT ROWID;"
-    "CREATE INDEX orders_by_age ON orders(device, received_ms);",
-    // `payload` holds the command as received until there is a result.
-    "ALTER TABLE orders ADD COLUMN arrival INTEGER NOT NULL DEFAULT 0;"
-    "ALTER TABLE orders ADD COLUMN payload TEXT NOT NULL DEFAULT '';"
+    " arrival INTEGER NOT NULL DEFAULT 0, payload TEXT NOT NULL DEFAULT '',"
+    " refused INTEGER NOT NULL DEFAULT 0, PRIMARY KEY(device, id)) WITHOUT ROWID;"
+    "CREATE INDEX orders_by_arrival ON orders(device, arrival DESC, received_ms DESC,"
+    " told);"
+    "CREATE INDEX orders_refused ON orders(arrival) WHERE refused = 1;"
     "CREATE TABLE audit(n INTEGER PRIMARY KEY, text TEXT NOT NULL, hash BLOB NOT NULL);"
     "CREATE TABLE audit_head(one INTEGER PRIMARY KEY CHECK(one = 1), records INTEGER NOT NULL,"
     " hash BLOB NOT NULL, arrivals INTEGER NOT NULL, bytes INTEGER NOT NULL);"
-    "INSERT INTO audit_head VALUES(1, 0, zeroblob(32), 0, 0);",
-    // Command numbers decide which ids are the newest: a clock can be set back.
-    "DROP INDEX orders_by_age;"
-    "CREATE INDEX orders_by_arrival ON orders(device, arrival DESC, received_ms DESC,"
-    " told);",
-    // Refused commands are kept while there is room.
-    ("ALTER TABLE orders ADD COLUMN refused INTEGER NOT NULL DEFAULT 0;"
-     "CREATE INDEX orders_refused ON orders(arrival) WHERE refused = 1;"),
-    // Encoding of `row`: RowFormat. Rows that exist already are JSON.
-    "ALTER TABLE samples ADD COLUMN format INTEGER NOT NULL DEFAULT 0;"};
+    "INSERT INTO audit_head VALUES(1, 0, zeroblob(32), 0, 0);"};
 
 /// Opens the file, or creates it (0600). `why` says why it is not open or not ours; empty: it is.
 FileHandle open_own(const std::string& path, std::string& why) {
@@ -204,8 +200,8 @@ StoreFile::StoreFile(const std::string& path, bool always)
   db.setBusyTimeout(static_cast<int>(kPatience.count()));
   db.exec("PRAGMA journal_mode = WAL");
   db.exec(always ? "PRAGMA synchronous = FULL" : "PRAGMA synchronous = NORMAL");
-  sqlite::migrate(db, kSchema);
-  sqlite::check_schema(db, kSchema);
+  sqlite::migrate(db, kFirstVersion, kSchema);
+  sqlite::check_schema(db, kFirstVersion, kSchema);
   file_ = identity_of(path);
   log_ = identity_of(path + "-wal");
   try {

@@ -55,15 +55,25 @@ TEST(Store, DamageInTheMiddleOfTheFileIsFoundAtTheStart) {
   EXPECT_TRUE(std::filesystem::exists(shelf.file() + ".corrupt-" + std::to_string(kNow)));
 }
 
-TEST(Store, FileOfANewerProgramIsSetAside) {
-  Shelf shelf;
-  shelf.open().close();
-  {
-    SQLite::Database database = sqlite::open(shelf.file());
-    ASSERT_NO_THROW(database.exec("PRAGMA user_version = 99"));
+TEST(Store, FileOfANewerOrMuchOlderProgramIsSetAsideAsItIs) {
+  for (const auto& [version, who] : {std::pair(99, "a newer version of the agent"),
+                                     std::pair(4, "an agent from before 0.1.0")}) {
+    OpenShelf shelf;
+    ASSERT_TRUE(shelf.add(rows(1, 3)));
+    shelf.store->close();
+    {
+      SQLite::Database database = sqlite::open(shelf.file());
+      ASSERT_NO_THROW(database.exec("PRAGMA user_version = " + std::to_string(version)));
+    }
+    testing::internal::CaptureStderr();
+    EXPECT_EQ(shelf.open().state(), "disk");
+    const std::string log = testing::internal::GetCapturedStderr();
+    const std::string aside = shelf.file() + ".corrupt-" + std::to_string(kNow);
+    EXPECT_NE(log.find(who), log.npos) << log;
+    EXPECT_NE(log.find(aside), log.npos) << log;
+    SQLite::Database kept = sqlite::open(aside);
+    EXPECT_EQ(kept.execAndGet("SELECT count(*) FROM samples").getInt(), 3);
   }
-  EXPECT_EQ(shelf.open().state(), "disk");
-  EXPECT_TRUE(std::filesystem::exists(shelf.file() + ".corrupt-" + std::to_string(kNow)));
 }
 
 TEST(Store, DirectoryThatCannotBeMadeIsTriedAgain) {
@@ -129,54 +139,6 @@ TEST(Store, SecondAgentDoesNotGetTheSameFile) {
   const Store second(shelf.config, kNow);
   EXPECT_EQ(second.state(), "memory");
   EXPECT_EQ(shelf.store->state(), "disk");
-}
-
-/// The schema of the program's first version.
-constexpr const char* kFirstSchema =
-    "CREATE TABLE samples(id INTEGER PRIMARY KEY, device TEXT NOT NULL, grp TEXT NOT NULL,"
-    " seq INTEGER NOT NULL, created_ms INTEGER NOT NULL, row TEXT NOT NULL);"
-    "CREATE INDEX samples_by_lane ON samples(device, grp, seq, id);"
-    "CREATE TABLE devices(name TEXT PRIMARY KEY, last_seq INTEGER NOT NULL,"
-    " clean INTEGER NOT NULL) WITHOUT ROWID;"
-    "CREATE TABLE orders(device TEXT NOT NULL, id TEXT NOT NULL, received_ms INTEGER NOT NULL,"
-    " deadline_ms INTEGER NOT NULL, op TEXT NOT NULL, response_topic TEXT NOT NULL,"
-    " correlation BLOB NOT NULL, result TEXT NOT NULL, told INTEGER NOT NULL,"
-    " PRIMARY KEY(device, id)) WITHOUT ROWID;"
-    "CREATE INDEX orders_by_age ON orders(device, received_ms);"
-    "PRAGMA user_version = 1;"
-    "INSERT INTO samples VALUES(1, 'a', 'fast', 5, 1790000000000, '5');"
-    "INSERT INTO devices VALUES('a', 5, 1);"
-    "INSERT INTO orders VALUES('a', 'done', 1790000000000, 1790000010000, 'write', '', x'01',"
-    " '{1}', 1);"
-    "INSERT INTO orders VALUES('a', 'open', 1790000000001, 1790000010000, 'write', '', x'',"
-    " '', 0);";
-
-TEST(Store, FileOfTheFirstVersionIsTakenOver) {
-  Shelf shelf;
-  std::filesystem::create_directories(shelf.config.path);
-  {
-    SQLite::Database old = sqlite::open(shelf.file());
-    ASSERT_NO_THROW(old.exec("PRAGMA journal_mode = WAL"));
-    ASSERT_NO_THROW(old.exec(kFirstSchema));
-  }
-  shelf.open();
-  EXPECT_EQ(shelf.store->state(), "disk");
-  EXPECT_EQ(shelf.store->set_aside(), "");
-  EXPECT_EQ(shelf.begin(), 5U);
-  ASSERT_EQ(shelf.store->journal().known_ids().size(), 1U);
-  const auto known = shelf.found(shelf.store->journal().known_ids()[0].id);
-  EXPECT_EQ(known->result, "{1}");
-  EXPECT_EQ(known->correlation, Bytes{1});
-  EXPECT_TRUE(known->acknowledged);
-  ASSERT_EQ(shelf.store->journal().unacknowledged().size(), 1U);
-  JournalEntry result = shelf.store->journal().unacknowledged()[0];
-  EXPECT_EQ(result.number, 0U);
-  EXPECT_EQ(shelf.drain(), "a/fast[5]}");
-  result.result = "{2}";
-  result.audit = told("open");
-  shelf.record(result);
-  EXPECT_EQ(audit_of(shelf).size(), 1U);
-  EXPECT_EQ(shelf.open().journal().unacknowledged().at(0).result, "{2}");
 }
 
 }  // namespace

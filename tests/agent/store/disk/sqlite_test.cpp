@@ -11,16 +11,19 @@ TEST(Migration, StepsRunOnceInTheirOrderAndAFailedOneLeavesNothing) {
   const test::Scratch scratch;
   SQLite::Database database = sqlite::open(scratch.path("x.db"));
   const char* first[] = {"CREATE TABLE t(a); INSERT INTO t VALUES(1)"};
-  ASSERT_NO_THROW(sqlite::migrate(database, first));
+  ASSERT_NO_THROW(sqlite::migrate(database, 5, first));
   const char* broken[] = {first[0], "INSERT INTO t VALUES(2); no SQL"};
-  EXPECT_THROW(sqlite::migrate(database, broken), SQLite::Exception);
+  EXPECT_THROW(sqlite::migrate(database, 5, broken), SQLite::Exception);
   EXPECT_EQ(database.execAndGet("SELECT sum(a) FROM t").getInt64(), 1);
   const char* second[] = {first[0], "ALTER TABLE t ADD b DEFAULT 7; UPDATE t SET a = 3"};
-  ASSERT_NO_THROW(sqlite::migrate(database, second));
-  ASSERT_NO_THROW(sqlite::migrate(database, second));
+  ASSERT_NO_THROW(sqlite::migrate(database, 5, second));
+  ASSERT_NO_THROW(sqlite::migrate(database, 5, second));
   EXPECT_EQ(database.execAndGet("SELECT sum(a + b) FROM t").getInt64(), 10);
-  EXPECT_EQ(database.execAndGet("PRAGMA user_version").getInt64(), 2);
-  EXPECT_EQ(sqlite::attempt([&] { sqlite::migrate(database, first); }).value().code, SQLITE_SCHEMA);
+  EXPECT_EQ(database.execAndGet("PRAGMA user_version").getInt64(), 6);
+  EXPECT_EQ(sqlite::attempt([&] { sqlite::migrate(database, 5, first); }).value().code,
+            SQLITE_SCHEMA);
+  EXPECT_EQ(sqlite::attempt([&] { sqlite::migrate(database, 7, first); }).value().code,
+            SQLITE_SCHEMA);
 }
 
 TEST(Sqlite, ValuesComeBackAsTheyWereBound) {
