@@ -242,7 +242,7 @@ void PairMember::keep(BootTime now) {
     connect_at_ = {};
     member_->connect(server_, kReceiveMaximum);
   }
-  if (member_up_ && subscribe_at_ != BootTime{} && now >= subscribe_at_) {
+  if (member_up_ && subscribe_at_ && now >= *subscribe_at_) {
     ++refusals_;
     subscribe();
   }
@@ -284,7 +284,7 @@ void PairMember::take_member_events(BootTime now) {
       announcing_ = 0;
       if (journal_) journal_->connection_began();
       heard_all_ = heard_all_ && event.session_present;
-      if (!event.session_present) log::warn("pair", {{"session", "new"}, {"note", kNotKnown}});
+      missed_ = missed_ || !event.session_present;
       for (const std::string_view heard : kPairTopics)
         unheard_.insert(config_.base_topic() + "/" + std::string(heard));
       refusals_ = 0;
@@ -292,10 +292,12 @@ void PairMember::take_member_events(BootTime now) {
     } else if constexpr (std::is_same_v<Event, Subscribed>) {
       if (event.granted) {
         if (unheard_.erase(event.filter) == 0 || !unheard_.empty()) return;
-        if (refusals_ != 0) log::warn("pair", {{"session", "new"}, {"note", kNotKnown}});
+        if (std::exchange(missed_, false))
+          log::warn("pair", {{"session", "new"}, {"note", kNotKnown}});
         return peers_.joined(now);
       }
       heard_all_ = false;
+      missed_ = true;
       subscribe_at_ = now + std::min<BootTime>(seconds(1 << std::min(refusals_, kMostDoublings)),
                                                kLongestPause);
       if (refusals_ == 0)
@@ -325,7 +327,7 @@ void PairMember::take_member_events(BootTime now) {
 /// Subscribes to what the broker has not granted. With QoS 0 it queues nothing while this session
 /// is away. Queued statuses would name gateways that have ended.
 void PairMember::subscribe() {
-  subscribe_at_ = {};
+  subscribe_at_.reset();
   for (const std::string_view heard : kPairTopics) {
     const bool queues = heard.ends_with("/journal") || heard.ends_with("/result");
     const std::string filter = config_.base_topic() + "/" + std::string(heard);

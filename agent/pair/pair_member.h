@@ -148,10 +148,11 @@ class PairMember final {
   bool member_up_ = false;
   /// The broker has kept the member session since the last process, and refused no subscription.
   bool heard_all_ = true;
+  bool missed_ = false;            ///< it may lack announcements, which is not logged yet
   std::set<std::string> unheard_;  ///< filters that the broker has not granted in this session
-  BootTime subscribe_at_{};        ///< to these again; 0: it has refused none
-  int refusals_ = 0;               ///< rounds of subscriptions after a refusal
-  int thrown_ = 0;                 ///< times in a row that the member session was taken over
+  std::optional<BootTime> subscribe_at_;  ///< to these again; nullopt: it has refused none
+  int refusals_ = 0;                      ///< rounds of subscriptions after a refusal
+  int thrown_ = 0;                        ///< times in a row that the member session was taken over
   BootTime member_since_{};
   BootTime connect_at_{};
   std::size_t window_ = 0;  ///< of announcements; 0: the lease session is not connected

@@ -219,6 +219,7 @@ class Pair(PairTest):
             broker.wait("a status", lambda: any(session.published(topic) for session in broker.sessions))
             self.assertEqual(len(asked), 3)
             self.assertEqual(len(self.faults("a")), 1, self.agents["a"].logged())
+            self.assertEqual(self.agents["a"].logged().count("pair session=new"), 1)
             self.assertEqual(self.agents["a"].stop(), 0)
 
     def test_standby_with_a_full_disk_remembers_what_was_announced(self):
