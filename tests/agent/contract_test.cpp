@@ -252,11 +252,13 @@ TEST(ContractExamples, SamplesHaveTheKeysOfTheProgram) {
 TEST(ContractExamples, HistoryHasTheKeysOfTheProgram) {
   Telemetry message = test::sample(48101, 0, 1);
   message.readings = {test::good(test::setpoint, Value(std::int64_t{50}))};
-  const std::string row = telemetry_text(message);
+  const std::string row = encode_sample(message, test::press("press1"), kBoot, kMeta);
+  SampleRecord record;
+  ASSERT_TRUE(decode_sample(row, record));
   const Config config = test::plant();
   JsonPayload payload(config, kBoot, "0.1.0");
   const auto history = payload.begin_history(65536);
-  ASSERT_TRUE(history->add_json(row) && history->add_json(row));
+  ASSERT_TRUE(history->add(record) && history->add(record));
   expect_same_keys("history", history->take({"press1", "fast"}).at(0).payload);
 }
 

@@ -26,8 +26,8 @@ constexpr int kPasses = 2;
 // The user_version that the first step makes. Agents before 0.1.0 had 1 to 4.
 constexpr std::int64_t kFirstVersion = 5;
 // `grp` is a group. Rows of a stream are ordered by seq. `payload` holds the command as received
-// until there is a result. Command numbers (`arrival`) decide which ids are the newest: a clock can
-// be set back. Refused commands are kept while there is room.
+// until there is a result; `format` is always 1. Command numbers (`arrival`) decide which ids are
+// the newest: a clock can be set back. Refused commands are kept while there is room.
 constexpr const char* kSchema[] = {
     "CREATE TABLE samples(id INTEGER PRIMARY KEY, device TEXT NOT NULL, grp TEXT NOT NULL,"
     " seq INTEGER NOT NULL, created_ms INTEGER NOT NULL, row TEXT NOT NULL,"

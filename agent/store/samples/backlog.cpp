@@ -32,7 +32,7 @@ std::optional<HistoryBatch> Backlog::next_of(Streams::value_type& stream, Histor
   std::vector<std::uint64_t> damaged;
   for (const std::uint64_t row_id : stream.second.waiting) {
     const SampleRow& row = rows_.at(row_id);
-    const auto added = builder.add(row_id, row.format, row.content);
+    const auto added = builder.add(row_id, row.content);
     if (added == BatchBuilder::Added::no_room) break;
     if (added == BatchBuilder::Added::damaged) damaged.push_back(row_id);
   }

@@ -15,12 +15,6 @@
 
 namespace fxagent {
 
-/// Encoding of a row's content. The file stores these numbers; a damaged one may have others.
-enum class RowFormat : std::int64_t {
-  json_text = 0,  ///< as published; from schema versions up to 4
-  cbor = 1        ///< encode_sample()
-};
-
 /// The rows of one stream leave oldest first, one message at a time.
 struct StreamKey {
   std::string device;
@@ -35,8 +29,7 @@ struct SampleRow {
   std::uint64_t row_id = 0;  ///< unique in its backlog or file; rises with time
   StreamKey stream;
   std::uint64_t seq = 0;
-  std::string content;
-  RowFormat format = RowFormat::cbor;
+  std::string content;  ///< of encode_sample(); a damaged disk may return something else
 
   /// Bytes that a row costs besides its content.
   static constexpr std::size_t kOverhead = 160;
@@ -56,9 +49,6 @@ class HistoryMessage {
 
   /// Adds a sample. Returns false, and adds nothing, if it does not fit. The first row always fits.
   virtual bool add(const SampleRecord& sample) = 0;
-  /// Same for a row of RowFormat::json_text, which is JSON. Files of earlier versions may have such
-  /// rows. Profiles had no files then, so the default ignores the row.
-  virtual bool add_json(std::string_view /*row*/) { return true; }
 };
 
 /// Gathers rows of one stream until the next one would make the message too large.
@@ -68,7 +58,7 @@ class BatchBuilder final {
   explicit BatchBuilder(HistoryMessage& message) : message_(message) {}
 
   enum class Added : std::uint8_t { yes, no_room, damaged };
-  Added add(std::uint64_t row_id, RowFormat format, std::string_view content);
+  Added add(std::uint64_t row_id, std::string_view content);
   bool empty() const { return row_ids_.empty(); }
   HistoryBatch take(const StreamKey& stream) { return {stream, std::move(row_ids_)}; }
 

@@ -25,10 +25,9 @@ void log_damaged(const StreamKey& stream, std::size_t rows) {
 }  // namespace
 
 StoredSamples::Statements::Statements(SQLite::Database& database)
-    : insert(database, "INSERT INTO samples VALUES(?, ?, ?, ?, ?, ?, ?)"),
+    : insert(database, "INSERT INTO samples VALUES(?, ?, ?, ?, ?, ?, 1)"),
       remove(database, "DELETE FROM samples WHERE id = ?"),
-      stream(database,
-             "SELECT id, row, format FROM samples WHERE device = ? AND grp = ? ORDER BY seq, id"),
+      stream(database, "SELECT id, row FROM samples WHERE device = ? AND grp = ? ORDER BY seq, id"),
       oldest(database,
              "SELECT id, device, grp, created_ms, length(CAST(row AS BLOB)) FROM samples"
              " ORDER BY id") {}
@@ -83,7 +82,7 @@ bool StoredSamples::append(std::vector<SampleRow>& rows, Hold hold) {
       added += row.cost();
       highest[row.stream.device] = std::max(highest[row.stream.device], row.seq);
       sqlite::run(sql_->insert, row_id++, row.stream.device, row.stream.group, row.seq,
-                  disk_.utc_ms(), as_bytes(row.content), static_cast<std::int64_t>(row.format));
+                  disk_.utc_ms(), as_bytes(row.content));
     }
     numbers_.write_with_samples(highest);
     const std::uint64_t full = streams_.bytes() + added + journal_.bytes_in_commit();
@@ -138,7 +137,7 @@ std::optional<HistoryBatch> StoredSamples::next(const StreamKey& key, HistoryMes
     const std::uint64_t row_id = from_sql(number(row, 0));
     if (streams_.is_out(row_id) || removed_.contains(row_id)) return true;
     const std::string_view content = text(row, 1);
-    const auto added = builder.add(row_id, static_cast<RowFormat>(number(row, 2)), content);
+    const auto added = builder.add(row_id, content);
     if (added == BatchBuilder::Added::no_room) return false;
     (added == BatchBuilder::Added::yes ? taken : damaged)
         .push_back({row_id, key, content.size() + SampleRow::kOverhead});

@@ -267,8 +267,8 @@ class JsonPayload::History final : public SampleHistory {
   History(const JsonPayload& payload, std::size_t max_bytes)
       : payload_(payload), max_bytes_(max_bytes) {}
 
-  bool add(const SampleRecord& sample) override { return add_json(json::sample(sample)); }
-  bool add_json(std::string_view row) override {
+  bool add(const SampleRecord& sample) override {
+    const std::string row = json::sample(sample);
     const bool is_first = text_.size() == kBegin.size();
     if (!is_first && text_.size() + 1 + row.size() + kEnd.size() > max_bytes_) return false;
     if (!is_first) text_ += ',';

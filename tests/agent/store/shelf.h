@@ -24,7 +24,7 @@ inline std::vector<SampleRow> rows(std::uint64_t from, std::uint64_t to,
                                    const std::string& group = "fast") {
   std::vector<SampleRow> made;
   for (std::uint64_t seq = from; seq <= to; ++seq)
-    made.push_back({0, {device, group}, seq, std::to_string(seq), RowFormat::json_text});
+    made.push_back({0, {device, group}, seq, row_content(seq)});
   return made;
 }
 

@@ -22,8 +22,7 @@ struct StoreDamage : testing::Test {
     for (std::uint64_t i = 0; i < count; ++i) {
       made[i].stream = {"press1", "fast"};
       made[i].seq = i + 1;
-      made[i].content = "{\"x\":\"" + std::string(300, 'x') + "\"}";
-      made[i].format = RowFormat::json_text;
+      made[i].content = row_content(i + 1, std::string(300, 'x'));
     }
     return made;
   }
@@ -92,7 +91,7 @@ TEST_F(StoreDamage, TableWithAnotherColumnIsSetAsideAndAnIndexMoreIsNot) {
   expect_a_fresh_one();
 }
 
-TEST_F(StoreDamage, RowThatIsNoJsonIsDroppedAndCountedAndItsNeighboursGoOut) {
+TEST_F(StoreDamage, DamagedRowIsDroppedAndCountedAndItsNeighboursGoOut) {
   make();
   {
     SQLite::Database database = sqlite::open(shelf_.file());

@@ -9,6 +9,7 @@
 #include <fstream>
 
 #include "agent/store/store.h"
+#include "tests/agent/store/json_history.h"
 #include "tests/support/scratch.h"
 
 namespace fxagent {
@@ -31,7 +32,7 @@ struct StoreFiles : ::testing::Test {
   bool add(std::uint64_t from, std::uint64_t to) const {
     std::vector<SampleRow> rows;
     for (std::uint64_t seq = from; seq <= to; ++seq)
-      rows.push_back({0, {"a", "fast"}, seq, std::to_string(seq), RowFormat::json_text});
+      rows.push_back({0, {"a", "fast"}, seq, test::row_content(seq)});
     return store->samples().append(rows, Store::Hold::no);
   }
   std::string in_store(const std::string& name) const { return config.path + "/" + name; }

@@ -8,11 +8,7 @@ namespace fxagent {
 namespace {
 
 SampleRow row(std::uint64_t number, std::string device = "a", std::string group = "fast") {
-  return {number,
-          {std::move(device), std::move(group)},
-          number,
-          std::to_string(number),
-          RowFormat::json_text};
+  return {number, {std::move(device), std::move(group)}, number, test::row_content(number)};
 }
 
 bool any(const StreamKey&) { return true; }
@@ -53,7 +49,7 @@ TEST(Backlog, LaneWaitsForItsBatchAndTakesItBack) {
 }
 
 TEST(Backlog, FullBacklogLetsTheOldestGoAndCountsThemByDevice) {
-  const std::size_t room = 3 * (SampleRow::kOverhead + 1);
+  const std::size_t room = 3 * (SampleRow::kOverhead + test::kRowBytes);
   Backlog backlog(room);
   backlog.append(row(1, "c"));
   backlog.append(row(2, "d"));
@@ -66,7 +62,7 @@ TEST(Backlog, FullBacklogLetsTheOldestGoAndCountsThemByDevice) {
 }
 
 TEST(Backlog, RowThatMadeRoomOnItsWayIsNotAcknowledgedToo) {
-  Backlog backlog(2 * (SampleRow::kOverhead + 1));
+  Backlog backlog(2 * (SampleRow::kOverhead + test::kRowBytes));
   backlog.append(row(1));
   const auto batch = test::next(backlog, 1000, any).value();
   backlog.append(row(2));

@@ -85,7 +85,7 @@ TEST(StoredSamples, PausedLaneIsPassedOver) {
 
 TEST(StoredSamples, FullStoreLetsTheOldestGoAndCountsThem) {
   Shelf shelf;
-  shelf.config.max_bytes = 5 * (SampleRow::kOverhead + 1);
+  shelf.config.max_bytes = 5 * (SampleRow::kOverhead + kRowBytes);
   shelf.open();
   shelf.add(rows(1, 2, "b"));
   shelf.add(rows(1, 5));
@@ -136,7 +136,7 @@ TEST(StoredSamples, RowsThatAreAcknowledgedDoNotCountAsTooOld) {
 
 TEST(StoredSamples, AcknowledgedRowsMakeRoomBeforeAnyIsDropped) {
   Shelf shelf;
-  shelf.config.max_bytes = 5 * (SampleRow::kOverhead + 1);
+  shelf.config.max_bytes = 5 * (SampleRow::kOverhead + kRowBytes);
   shelf.open();
   shelf.add(rows(1, 5));
   const auto batch = test::next(shelf.store->samples(), 30, any);

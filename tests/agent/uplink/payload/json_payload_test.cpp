@@ -241,19 +241,25 @@ TEST(JsonPayload, HistoryHoldsRowsAsTheyWere) {
   const Config config = test::plant();
   JsonPayload payload(config, "9f3c21aa", "0.1.0");
   const auto history = payload.begin_history(1000);
-  ASSERT_TRUE(history->add_json("{\"a\":1}") && history->add_json("{}"));
-  EXPECT_EQ(text_of(*history), R"({"history":true,"rows":[{"a":1},{}]})");
+  SampleRecord one;
+  SampleRecord two;
+  two.seq = 2;
+  ASSERT_TRUE(history->add(one) && history->add(two));
+  EXPECT_EQ(text_of(*history), R"({"history":true,"rows":[)" + fxagent::json::sample(one) + "," +
+                                   fxagent::json::sample(two) + "]}");
   EXPECT_EQ(text_of(*payload.begin_history(0)), R"({"history":true,"rows":[]})");
 }
 
 TEST(JsonPayload, HistoryKeepsItsSizeAndALargerRowGoesAlone) {
   const Config config = test::plant();
   JsonPayload payload(config, "9f3c21aa", "0.1.0");
-  const auto history = payload.begin_history(26 + 2 + 1 + 2);
-  EXPECT_TRUE(history->add_json("{}") && history->add_json("{}"));
-  EXPECT_FALSE(history->add_json("{}"));
-  EXPECT_EQ(text_of(*history).size(), 26U + 2 + 1 + 2);
-  EXPECT_TRUE(payload.begin_history(1)->add_json("{}"));
+  const SampleRecord row;
+  const std::size_t two_rows = 26 + 2 * fxagent::json::sample(row).size() + 1;
+  const auto history = payload.begin_history(two_rows);
+  EXPECT_TRUE(history->add(row) && history->add(row));
+  EXPECT_FALSE(history->add(row));
+  EXPECT_EQ(text_of(*history).size(), two_rows);
+  EXPECT_TRUE(payload.begin_history(1)->add(row));
 }
 
 TEST(JsonPayload, HistoryOfARecordIsItsLiveText) {

@@ -72,7 +72,6 @@ TEST_F(SampleBalance, SampleOutOfNowhereIsAnErrorInLogAndHealth) {
   rows[0].stream = {"press1", "fast"};
   rows[0].seq = 1;
   rows[0].content = "{}";
-  rows[0].format = RowFormat::json_text;
   ASSERT_TRUE(store_.samples().append(rows, Store::Hold::no));
   const std::string log = tick();
   EXPECT_NE(log.find("error samples_unbalanced collected=0"), std::string::npos) << log;
