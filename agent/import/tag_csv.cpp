@@ -208,9 +208,7 @@ ImportResult TagCsvReader::read(const std::vector<CsvRow>& rows) {
 }  // namespace
 
 std::string export_csv(std::string_view text) {
-  // With its tags as nodes, a valid config may have more of them than usual.
-  constexpr TreeBounds kAny{.nodes = ConfigTree::max_bytes};
-  const auto tree = ConfigTree::parse(text, ConfigTree::Folding::none, kAny, Comments::allowed);
+  const auto tree = ConfigTree::parse(text, ConfigTree::Folding::none, kAnyTree, Comments::allowed);
   if (!tree) return {};
   const ConfigNode& top = tree->root();
   std::string out(kDeviceColumn);

@@ -11,8 +11,7 @@ namespace fxagent {
 namespace {
 
 tl::expected<ConfigTree, ConfigError> parsed(const std::string& config) {
-  constexpr TreeBounds kAny{.nodes = ConfigTree::max_bytes};
-  return ConfigTree::parse(config, ConfigTree::Folding::none, kAny, Comments::allowed);
+  return ConfigTree::parse(config, ConfigTree::Folding::none, kAnyTree, Comments::allowed);
 }
 
 /// Returns the entry of a list that has this name; nullptr if there is none.

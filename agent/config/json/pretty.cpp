@@ -61,8 +61,7 @@ void append_pretty(std::string& out, const ConfigNode& node, std::size_t depth) 
 }
 
 std::string pretty_text(std::string_view json) {
-  constexpr TreeBounds kAny{.nodes = ConfigTree::max_bytes};
-  const auto tree = ConfigTree::parse(json, ConfigTree::Folding::none, kAny);
+  const auto tree = ConfigTree::parse(json, ConfigTree::Folding::none, kAnyTree);
   if (!tree) return {};
   std::string out;
   append_pretty(out, tree->root(), 0);

@@ -91,6 +91,9 @@ class ConfigTree {
   std::vector<std::uint32_t> newlines_;
 };
 
+/// Limits for a text of any content, which may have its tags as nodes: one node a byte.
+inline constexpr TreeBounds kAnyTree{.nodes = ConfigTree::max_bytes};
+
 /// Returns `text` for an error message: control bytes and broken UTF-8 as \xNN, cut after `most`
 /// bytes.
 std::string shown(std::string_view text, std::size_t most = 80);
