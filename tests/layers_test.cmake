@@ -110,7 +110,7 @@ set(allowed
   "^agent/uplink/paho/[^ ]+ (mqtt/|MQTT)"
   "^agent/history/[^ ]+ (mosquitto\\.h|libpq-fe\\.h)$"
   "^agent/remote/kept_file\\.h agent/store/disk/durable_file\\.h$"
-  "^agent/config/read/http\\.cpp (arpa/inet|sys/un)\\.h$"
+  "^agent/config/read/(host\\.cpp arpa/inet|http\\.cpp sys/un)\\.h$"
   "^agent/config/source\\.cpp poll\\.h$"
   "^agent/recorder/recording_files\\.cpp agent/store/disk/(durable|store)_file\\.h$"
   "^agent/http/[^ ]+ agent/http/"

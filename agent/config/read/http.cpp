@@ -1,14 +1,13 @@
 #include "agent/config/read/sections.h"
 
-#include <arpa/inet.h>
 #include <sys/un.h>
 
-#include <array>
 #include <string>
 #include <string_view>
 #include <tl/expected.hpp>
 
 #include "agent/config/keys.h"
+#include "agent/config/read/host.h"
 #include "agent/text/text.h"
 
 namespace fxagent {
@@ -17,11 +16,6 @@ namespace {
 constexpr std::string_view kListenForms =
     "must be an address and a port, as in 127.0.0.1:9464 or [::1]:9464, or a path, as in "
     "unix:/run/fxagent/metrics";
-
-bool is_address(int family, const std::string& text) {
-  std::array<unsigned char, sizeof(in6_addr)> bytes{};
-  return ::inet_pton(family, text.c_str(), bytes.data()) == 1;
-}
 
 tl::expected<HttpConfig, std::string> unix_listen(std::string_view path) {
   if (!path.starts_with('/'))
@@ -52,7 +46,7 @@ tl::expected<HttpConfig, std::string> listen_of(std::string_view text) {
         std::string("needs an address before the port: 127.0.0.1 for this machine only, 0.0.0.0 "
                     "for every network"));
   if (config.address == "localhost") config.address = "127.0.0.1";
-  if (!is_address(in_brackets ? AF_INET6 : AF_INET, config.address))
+  if (!(in_brackets ? is_ipv6(config.address) : is_ipv4(config.address)))
     return tl::unexpected(std::string(kListenForms) + "; a host name is not possible here");
   return config;
 }
@@ -96,15 +90,6 @@ std::optional<HttpConfig> read_listen(ConfigReader& reader, const ConfigNode& no
 }
 
 }  // namespace
-
-std::string_view number_fault(const std::string& host) {
-  in_addr ignored{};
-  const bool is_number = !host.empty() && (host.find_first_not_of("0123456789.") == host.npos ||
-                                           ::inet_aton(host.c_str(), &ignored) != 0);
-  if (!is_number || is_address(AF_INET, host)) return {};
-  return "is no IPv4 address: it needs four numbers from 0 to 255 without leading zeros, as in "
-         "192.0.2.10";
-}
 
 std::optional<HttpConfig> read_http(ConfigReader& reader, const ConfigNode& top) {
   const ConfigNode* page = reader.object(top, config_key("http"));

@@ -9,6 +9,7 @@
 
 #include "agent/config/keys.h"
 #include "agent/config/read/devices/templates.h"
+#include "agent/config/read/host.h"
 
 namespace fxagent {
 namespace {

@@ -4,6 +4,7 @@
 #include <array>
 
 #include "agent/config/keys.h"
+#include "agent/config/read/host.h"
 #include "agent/text/text.h"
 
 namespace fxagent {

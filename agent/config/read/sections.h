@@ -22,10 +22,6 @@ namespace fxagent {
 
 class DeviceEntry;
 
-/// Returns the fault of a host that is a number and no IPv4 address of four decimal numbers; empty
-/// if there is none. The system's resolver accepts 127.1 and 0x7f000001, and reads 010 as 8.
-std::string_view number_fault(const std::string& host);
-
 /// Returns "mqtt://host:port" with the port filled in, or the fault of the address.
 tl::expected<std::string, std::string_view> normal_server(std::string_view server);
 /// True if a result of normal_server() names this machine.

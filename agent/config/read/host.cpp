@@ -1,0 +1,26 @@
+#include "agent/config/read/host.h"
+
+#include <arpa/inet.h>
+
+namespace fxagent {
+
+bool is_ipv4(const std::string& text) {
+  in_addr ignored{};
+  return ::inet_pton(AF_INET, text.c_str(), &ignored) == 1;
+}
+
+bool is_ipv6(const std::string& text) {
+  in6_addr ignored{};
+  return ::inet_pton(AF_INET6, text.c_str(), &ignored) == 1;
+}
+
+std::string_view number_fault(const std::string& host) {
+  in_addr ignored{};
+  const bool is_number = !host.empty() && (host.find_first_not_of("0123456789.") == host.npos ||
+                                           ::inet_aton(host.c_str(), &ignored) != 0);
+  if (!is_number || is_ipv4(host)) return {};
+  return "is no IPv4 address: it needs four numbers from 0 to 255 without leading zeros, as in "
+         "192.0.2.10";
+}
+
+}  // namespace fxagent
