@@ -195,7 +195,8 @@ TEST(ConfigSchema, WhatIsWrongFailsBoth) {
     "/devices/0/tags/0/scale": [0, "0.1"], "/devices/0/tags/0/deadband": [-0.5],
     "/devices/0/tags/0/access": ["write"], "/devices/0/tags/1/scale": [2],
     "/devices/0/tags/1/deadband": [2], "/devices/0/tags/1/word_order": ["low_first"],
-    "/devices/0/commands/allow/0": ["T5", "K4M0", "M0-", "Y0-8", "M0-X5", "M 0"],
+    "/devices/0/commands/allow/0": ["T5", "K4M0", "M0-", "Y0-8", "M0-X5", "M 0",
+      "M0\t-\tM9", "\tM0"],
     "/devices/0/commands/queue": [0],
     "/devices/0/commands/verify": ["yes"], "/devices/0/commands/max_expiry_s": [0]})");
 }
