@@ -272,10 +272,9 @@ std::optional<bool> LinkTable::is_serial(std::string_view port) {
 std::string LinkTable::to(const std::string& port, std::string_view protocol, int line,
                           const JsonObject& settings) {
   const auto on_serial = is_serial(port);
-  if (!on_serial) {
-    imported_.note(line, "not imported: the connection \"" + port + "\", whose port is wrong");
-    return to_placeholder(protocol, line);
-  }
+  if (!on_serial)
+    return to_placeholder(protocol, line,
+                          "not imported: the connection \"" + port + "\", whose port is wrong; ");
   // A link has one protocol, and two links cannot share a serial port.
   const std::string target = *on_serial ? port : port + " " + std::string(protocol);
   const auto [known, fresh] =
@@ -296,8 +295,8 @@ std::string LinkTable::to(const std::string& port, std::string_view protocol, in
   return known->second;
 }
 
-std::string LinkTable::to_placeholder(std::string_view protocol, int line) {
-  imported_.note(line, "the link is a placeholder: set its port");
+std::string LinkTable::to_placeholder(std::string_view protocol, int line, const std::string& why) {
+  imported_.note(line, why + "the link is a placeholder: set its port");
   return to(placeholder_port(protocol), protocol);
 }
 

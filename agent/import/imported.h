@@ -137,8 +137,9 @@ class LinkTable {
   /// `serial`. For any other `port` adds a note and returns the link to the placeholder.
   std::string to(const std::string& port, std::string_view protocol, int line = 0,
                  const JsonObject& settings = {});
-  /// Returns the name of the link to the placeholder for `protocol`, and adds a note.
-  std::string to_placeholder(std::string_view protocol, int line);
+  /// Returns the name of the link to the placeholder for `protocol`, and adds a note that begins
+  /// with `why`.
+  std::string to_placeholder(std::string_view protocol, int line, const std::string& why = {});
   /// True if `port` is a serial port; nullopt if it is neither that nor host and port.
   static std::optional<bool> is_serial(std::string_view port);
 
