@@ -25,15 +25,28 @@ bool is_run_or_stop(Op op) { return op == Op::run || op == Op::stop; }
 
 Refusal refuse(Reason reason, std::string detail) { return {reason, std::move(detail)}; }
 
+/// Returns a limit of the tag as a device stores it, if the tag is a float: its raw value is
+/// rounded, too, and a command may write the limit itself.
+double stored(const TagConfig& tag, double limit) {
+  if (tag.point.type != DataType::float32 && tag.point.type != DataType::float64) return limit;
+  Point one = tag.point;
+  one.is_array = false;
+  one.count = 1;
+  const auto image = pack(one, Value(Scalar(limit)));
+  if (!image) return limit;
+  const auto value = unpack(one, *image, span_of(one)->first_bit);
+  return value ? as_double(value->items.front()) : limit;
+}
+
 /// Returns a refusal if an element to be written is outside the tag's min and max.
 std::optional<Refusal> check_limits(const TagConfig& tag, const Value& written) {
   for (const Scalar& item : written.items) {
     if (!number_of(item)) continue;
     const auto& [min, max, deadband] = tag.units->limits;
     const std::string what = spelled(item) + " would be written, ";
-    if (min && compare(item, *min) == std::partial_ordering::less)
+    if (min && compare(item, stored(tag, *min)) == std::partial_ordering::less)
       return refuse(Reason::out_of_range, what + "below the tag's min of " + spelled(*min));
-    if (max && compare(item, *max) == std::partial_ordering::greater)
+    if (max && compare(item, stored(tag, *max)) == std::partial_ordering::greater)
       return refuse(Reason::out_of_range, what + "above the tag's max of " + spelled(*max));
   }
   return std::nullopt;

@@ -790,6 +790,24 @@ TEST_F(CommandAdmissionTest, LimitsBindWhatIsReallyWritten) {
   EXPECT_EQ(admit(above).targets[0].written, real(100));
 }
 
+// As float32 with this scale and offset, 0 is -0.0000022, and 100 is 100.000004.
+TEST_F(CommandAdmissionTest, ScaledFloatMayBeEqualToItsLimit) {
+  TagConfig oil = writable(tag(*device.codec, "oil", "D260"));
+  oil.point.type = DataType::float32;
+  ASSERT_TRUE(set_units(oil.point, 1.8, 32));
+  oil.units = std::make_shared<const TagUnits>(TagUnits{.limits = {.min = 0.0, .max = 100.0}});
+  device.tags.push_back(oil);
+  const auto with = [&](std::string id, double value) {
+    Command command = write(std::move(id), value);
+    command.targets[0].tag = "oil";
+    return command;
+  };
+  for (const double value : {0.0, 100.0}) admit(with("at" + std::to_string(value), value));
+  for (const double value : {-0.0001, 100.0001})
+    EXPECT_EQ(to_string(answered(with("beyond" + std::to_string(value), value)).reason),
+              "out_of_range");
+}
+
 TEST_F(CommandAdmissionTest, LimitsOf64BitsAreComparedExactly) {
   TagConfig energy = writable(tag(*device.codec, "energy", "D260"));
   energy.point.type = DataType::int64;
