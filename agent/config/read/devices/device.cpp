@@ -13,6 +13,7 @@
 #include "agent/config/keys.h"
 #include "agent/config/read/devices/templates.h"
 #include "agent/config/suggestions.h"
+#include "agent/text/text.h"
 #include "protocol/plc.h"
 #include "protocol/value/span.h"
 
@@ -24,6 +25,17 @@ std::vector<std::string_view> option_keys(const ProtocolInfo& protocol) {
   keys.reserve(protocol.options.size());
   for (const OptionSpec& spec : protocol.options) keys.push_back(spec.key);
   return keys;
+}
+
+/// True if one read by a way can hold the span. `max_block_bytes` 0: no limit.
+bool fits_one_read(const Span& span, const std::vector<ReadWay>& ways,
+                   std::uint32_t max_block_bytes) {
+  return std::ranges::any_of(ways, [&](const ReadWay& way) {
+    std::uint32_t bits = way.max_bits;
+    if (max_block_bytes != 0) bits = std::min(bits, max_block_bytes * 8);
+    bits = std::max(bits / way.unit_bits * way.unit_bits, way.unit_bits);
+    return span.first_bit % way.align_bits + span.bits <= bits;
+  });
 }
 
 /// Makes each codec, TagUnits and list of tags once, for all devices with an equal one: a large
@@ -120,6 +132,8 @@ class DeviceReader {
   bool read_place(const ConfigNode& node, TagConfig& tag);
   void read_shape(const ConfigNode& node, std::optional<DataType> type, Point& point);
   void check_span(const ConfigNode& node, const TagConfig& tag);
+  /// Warns of values that take several reads: once, at the first.
+  void warn_of_torn_values();
   void check_exists(const ConfigNode& address, const Span& span);
   void read_commands(const ConfigNode& node);
   void read_allow(const ConfigNode& list);
@@ -135,6 +149,8 @@ class DeviceReader {
   NameTable groups_;
   NameTable tags_;
   std::map<std::uint16_t, std::vector<ReadWay>> ways_;
+  const ConfigNode* first_torn_ = nullptr;  ///< address of the first value that takes several reads
+  std::size_t torn_ = 0;                    ///< number of these values
 };
 
 // ---- protocol and options ---------------------------------------------------------------------
@@ -362,7 +378,17 @@ void DeviceReader::read_tags() {
     read_tag(*tag);
     if (reader_.is_over()) return;
   }
+  warn_of_torn_values();
   device_.tags = shared_.tags_of(std::move(device_.tags));
+}
+
+void DeviceReader::warn_of_torn_values() {
+  if (torn_ == 0) return;
+  const std::string others =
+      torn_ == 1 ? "" : ", and " + counted(torn_ - 1, "other tag") + " of this device, too";
+  reader_.warn(*first_torn_, "takes several reads" + others +
+                                 ": parts of a value may be of different moments. Make max_read or "
+                                 "max_block_bytes larger");
 }
 
 void DeviceReader::read_tag(const ConfigNode& node) {
@@ -455,17 +481,11 @@ void DeviceReader::check_span(const ConfigNode& node, const TagConfig& tag) {
     return;
   }
   check_exists(address, *span);
-  std::uint32_t longest = 0;
-  for (const ReadWay& way : ways_.at(span->space)) {
-    std::uint32_t bits = way.max_bits;
-    if (device_.max_block_bytes != 0) bits = std::min(bits, device_.max_block_bytes * 8);
-    longest = std::max({longest, bits, way.unit_bits});
-  }
   const bool is_one_value = !tag.point.is_array && tag.point.type != DataType::string;
-  if (is_one_value && longest < span->bits)
-    reader_.warn(address,
-                 "takes several reads, so that its parts may be of different values: make max_read "
-                 "or max_block_bytes larger");
+  if (is_one_value && !fits_one_read(*span, ways_.at(span->space), device_.max_block_bytes)) {
+    if (first_torn_ == nullptr) first_torn_ = &address;
+    ++torn_;
+  }
   if (!tag.writable) return;
   const ConfigNode& access = *node.find("access");
   if (!tag.point.address.writable)

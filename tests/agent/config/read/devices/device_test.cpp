@@ -64,6 +64,23 @@ TEST(ConfigDevice, EverythingThatCanBeSetIsSet) {
   EXPECT_EQ(model_of(*device.codec), "FX3G");
 }
 
+TEST(ConfigDevice, ValuesThatTakeSeveralReadsAreOneWarning) {
+  const auto warnings = [](const char* tags) {
+    return good(changed("/devices/0", R"({"name": "d", "link": "line1", "max_block_bytes": 4,
+        "model": "FX3U", "protocol": "fx-programming-port", "tags": )" +
+                                          std::string(tags) + "}"))
+        .warnings;
+  };
+  EXPECT_EQ(warnings(R"([{"name": "whole", "address": "K8M8"}])").size(), 0U);
+  // Five bytes: M0 to M39.
+  const auto torn = warnings(R"([{"name": "whole", "address": "K8M8"},
+      {"name": "a", "address": "K8M3"}, {"name": "b", "address": "D0", "type": "float64"},
+      {"name": "c", "address": "D4", "type": "int64"}])");
+  ASSERT_EQ(torn.size(), 1U) << torn.back();
+  EXPECT_NE(torn[0].find("/tags/1/address"), std::string::npos) << torn[0];
+  EXPECT_NE(torn[0].find("and 2 other tags of this device"), std::string::npos) << torn[0];
+}
+
 TEST(ConfigDevice, GapIsAMinuteAtMost) {
   EXPECT_EQ(good(changed("/devices/0/gap_ms", "60000")).devices[0].gap, milliseconds(60000));
   expect_refused("/devices/0/gap_ms", "60001", {"60000"});
