@@ -160,9 +160,10 @@ inline constexpr auto kWritten = std::to_array<ConfigKey>({
      "then no way back."},
 
     {"mqtt", "servers", array, {}, Required{},
-     "One or more of `mqtt://host[:1883]` and `mqtts://host[:8883]`, IPv6 in brackets. The agent "
-     "tries them from the first, and one that it has lost last. After the last one it waits 1 s, "
-     "then longer, up to 30 s (4 s in the first five minutes of an outage)."},
+     "One or more of `mqtt://host[:1883]` and `mqtts://host[:8883]`, IPv6 in brackets, IPv4 "
+     "without leading zeros. The agent tries them from the first, and one that it has lost last. "
+     "After the last one it waits 1 s, then longer, up to 30 s (4 s in the first five minutes of an "
+     "outage)."},
     {"mqtt", "version", choice, kVersions, "5", "Version of MQTT."},
     {"mqtt", "client_id", text, {}, Rule{"fx-{id}"},
      "Client id. Two clients of one broker must not share it."},
@@ -287,12 +288,16 @@ inline constexpr auto kWritten = std::to_array<ConfigKey>({
     {"links[].serial.rs485", "delay_after_ms", integer, {0, 100}, 0,
      "Time from the last character to the switch back."},
 
-    {"links[].tcp", "host", text, {}, Required{}, "Host name or address."},
+    {"links[].tcp", "host", text, {}, Required{},
+     "Host name or IP address: IPv4 as four decimal numbers without leading zeros, IPv6 without "
+     "brackets."},
     {"links[].tcp", "port", integer, {1, 65535}, Required{},
      "TCP port; for Modbus TCP 502 by custom. Two links to one host and port cause a warning: "
      "many devices accept only one connection."},
 
-    {"links[].udp", "host", text, {}, Required{}, "Host name or address."},
+    {"links[].udp", "host", text, {}, Required{},
+     "Host name or IP address: IPv4 as four decimal numbers without leading zeros, IPv6 without "
+     "brackets."},
     {"links[].udp", "port", integer, {1, 65535}, Required{},
      "UDP port of the device, as set in the device."},
     {"links[].udp", "local_port", integer, {1, 65535}, Rule{"any free port"},
