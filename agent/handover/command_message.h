@@ -113,6 +113,8 @@ struct MessageProperties {
   std::string response_topic;                          ///< MQTT 5; empty: none
   Bytes correlation;
   std::string sender;  ///< as the agent knows it; empty: only what the command's `by` says
+  /// Names that the sender may use besides those of Op, for the refusal of another: ", get_{tag}".
+  std::string_view more_ops;
   /// Gets the result as JSON when it is known, once. Empty: nobody asks beside MQTT.
   std::function<void(const std::string& result)> reply;
 };

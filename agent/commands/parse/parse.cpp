@@ -245,19 +245,19 @@ void read_id(const Json& object, Command& command, Faults& faults) {
   command.id = *text;
 }
 
-void read_op(const Json& object, Command& command, Faults& faults) {
-  constexpr std::string_view words = "write, force_on, force_off, read, run, stop";
+void read_op(const Json& object, Command& command, std::string_view more_ops, Faults& faults) {
+  const std::string words = "write, force_on, force_off, read, run, stop" + std::string(more_ops);
   const Json* op = given(object, "op");
   const auto* text = op == nullptr ? nullptr : op->get_ptr<const std::string*>();
   if (text == nullptr) {
     return faults.add(Reason::bad_op, std::string(op == nullptr ? "no op" : "op must be a string") +
-                                          "; one of " + std::string(words));
+                                          "; one of " + words);
   }
   command.op_text = text->substr(0, kMaxOpKept);
   command.op = op_from(*text);
   if (!command.op)
     faults.add(Reason::bad_op,
-               "op " + in_quotes(*text) + " is not one of " + std::string(words) +
+               "op " + in_quotes(*text) + " is not one of " + words +
                    (text->find('-') != std::string::npos ? " (with _, not -)" : ""));
 }
 
@@ -456,12 +456,12 @@ std::optional<Json> read_object(std::string_view payload, Command& command, Faul
 
 }  // namespace
 
-Command parse_command(std::string_view payload) {
+Command parse_command(std::string_view payload, std::string_view more_ops) {
   Command command;
   Faults faults;
   if (const auto json = read_object(payload, command, faults)) {
     read_id(*json, command, faults);
-    read_op(*json, command, faults);
+    read_op(*json, command, more_ops, faults);
     check_keys(*json, command.op, faults);
     read_targets(*json, command, faults);
     read_conditions(*json, command, faults);

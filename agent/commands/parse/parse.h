@@ -14,8 +14,8 @@ namespace fxagent {
 
 /// Parses a command; never throws. `refusal` is the first fault of its form, in the contract's
 /// order of checks. Everything that could be read anyway is filled in, above all the id. The caller
-/// sets device, retained, times and MQTT 5 properties.
-Command parse_command(std::string_view payload);
+/// sets the device and the MessageProperties, of which the texts need `more_ops` here.
+Command parse_command(std::string_view payload, std::string_view more_ops = {});
 
 /// A command for a link: `yield` or `resume`.
 struct LinkCommand {
