@@ -155,14 +155,14 @@ ConfigErrors weak_secrets(const Config& config) {
 
 ConfigErrors unavailable_ports(const Config& config, const std::string& file) {
   ConfigErrors list;
-  std::map<std::filesystem::path, std::string> first;  // link of each port, without symbolic links
+  std::map<dev_t, std::string> first;  // link of each device, whatever the name of its node
   for (std::size_t i = 0; i < config.links.size(); ++i) {
     const auto* serial = std::get_if<SerialSettings>(&config.links[i].channel);
     if (serial == nullptr) continue;
-    std::error_code unseen;
-    const auto [other, fresh] =
-        first.emplace(std::filesystem::canonical(serial->path, unseen), config.links[i].name);
-    if (!unseen && !fresh)
+    struct stat port {};
+    const bool is_device = ::stat(serial->path.c_str(), &port) == 0 && S_ISCHR(port.st_mode);
+    const auto [other, fresh] = first.emplace(port.st_rdev, config.links[i].name);
+    if (is_device && !fresh)
       list.push_back({"/links/" + std::to_string(i) + "/serial/path", 0,
                       shown(serial->path) + " is also the port of link " + other->second +
                           ", by another name: put the devices of both on one link"});

@@ -224,6 +224,9 @@ std::string port_cure(const std::string& path, int error) {
       return no_permission(path);
     case EPERM:
       return " (the unit or the container does not allow this device: see DeviceAllow, --device)";
+    case ENOTTY:
+      return " (a serial port is a tty, such as /dev/ttyUSB0 or one in /dev/serial/by-id: correct "
+             "path)";
     case EBUSY:
     case EWOULDBLOCK:
       return in_use(path);

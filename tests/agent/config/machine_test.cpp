@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 #include <pty.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <array>
@@ -87,6 +88,22 @@ TEST(SerialPorts, OneOfTwoNamesIsNamedAtTheSecondLink) {
   ASSERT_EQ(found.size(), 2U);
   EXPECT_EQ(found[1].pointer, "/links/3/serial/path");
   test::expect_says(found[1].text, "is also the port of link line1");
+}
+
+TEST(SerialPorts, OneDeviceWithTwoNodesIsOnePort) {
+  const test::Scratch scratch;
+  const Pty pty;
+  struct stat port {};
+  ASSERT_EQ(::stat(pty.path().c_str(), &port), 0);
+  const std::string node = scratch.path("node");
+  if (::mknod(node.c_str(), S_IFCHR | 0600, port.st_rdev) != 0)
+    GTEST_SKIP() << "this user may not make device nodes";
+  Config config = config_with(pty.path());
+  config.links[0].channel = SerialSettings{.path = node};
+  const auto found = unavailable_ports(config, "agent.json");
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_EQ(found[0].pointer, "/links/1/serial/path");
+  test::expect_says(found[0].text, "is also the port of link ");
 }
 
 }  // namespace

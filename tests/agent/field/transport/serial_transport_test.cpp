@@ -98,7 +98,9 @@ TEST_F(SerialTransportTest, MissingPathIsLinkDownAndNamesTheCure) {
 }
 
 TEST_F(SerialTransportTest, PathThatIsNoPortIsLinkDown) {
-  expect_says(error_of(open(*port("/dev/null"))).text, "not a serial port");
+  const std::string text = error_of(open(*port("/dev/null"))).text;
+  expect_says(text, "/dev/null is not a serial port: ");
+  expect_says(text, "correct path");
 }
 
 TEST_F(SerialTransportTest, PortThatCannotSwitchTheDirectionIsLinkDownAndNamed) {
