@@ -6,17 +6,12 @@
 
 namespace fxagent {
 
-sigset_t block_stop_signals() {
+int stop_descriptor() {
   sigset_t stop;
   sigemptyset(&stop);
   sigaddset(&stop, SIGINT);
   sigaddset(&stop, SIGTERM);
   pthread_sigmask(SIG_BLOCK, &stop, nullptr);
-  return stop;
-}
-
-int stop_descriptor() {
-  const sigset_t stop = block_stop_signals();
   return signalfd(-1, &stop, SFD_CLOEXEC);
 }
 

@@ -5,9 +5,8 @@
 
 namespace fxagent {
 
-/// Blocks SIGINT and SIGTERM in this thread and in those that it starts. Returns the two.
-sigset_t block_stop_signals();
-/// Same. Returns a descriptor that is readable when one is pending, or -1.
+/// Blocks SIGINT and SIGTERM in this thread and in those that it starts. Returns a descriptor that
+/// is readable while one is pending, or -1.
 int stop_descriptor();
 
 /// Threads started during its lifetime receive no signals: those are for the main thread.

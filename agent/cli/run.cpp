@@ -27,7 +27,6 @@
 #include "agent/reload.h"
 #include "agent/remote/remote_config.h"
 #include "agent/steady_time.h"
-#include "agent/without_signals.h"
 
 namespace fxagent {
 namespace {
@@ -104,15 +103,14 @@ int run_until_stopped(const std::string& path, const RunQuestion& what) {
   std::signal(SIGXFSZ, SIG_IGN);
   if (const std::string missing = lacks(kThreads, kRoomToBegin); !missing.empty())
     throw std::runtime_error("cannot start: " + missing);
-  // Blocked before any thread starts: only the watchdog receives the stop signals. SIGHUP is
-  // taken by the reload, or before there is one by this thread.
-  const sigset_t stop_signals = block_stop_signals();
+  // Blocked before any thread starts, as the stop signals are by the watchdog. The reload takes it,
+  // or this thread before there is a reload.
   sigset_t reload_signal;
   sigemptyset(&reload_signal);
   sigaddset(&reload_signal, SIGHUP);
   pthread_sigmask(SIG_BLOCK, &reload_signal, nullptr);
   std::signal(SIGHUP, SIG_DFL);  // an ignored signal would not stay pending
-  StopWatchdog watchdog(stop_signals);
+  StopWatchdog watchdog;
   const log::InBackground background;
   RemoteConfig remote(path, trial_time(), boot_id());
   auto config = started_config(remote, path);

@@ -5,9 +5,13 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
+#include <csignal>
+#include <system_error>
 #include <utility>
 
 #include "agent/log/log.h"
+#include "agent/without_signals.h"
 
 namespace fxagent {
 namespace {
@@ -25,10 +29,25 @@ void write_last_line(std::string text) {
   [[maybe_unused]] const auto written = ::write(STDERR_FILENO, text.data(), text.size());
 }
 
+/// Returns a descriptor that is readable while a stop signal is pending.
+int open_signals() {
+  const int opened = stop_descriptor();
+  if (opened < 0) throw std::system_error(errno, std::generic_category(), "stop signals");
+  return opened;
+}
+
+/// Waits until a stop signal is pending, and returns its number.
+int await_pending(int signals) {
+  pollfd stop{signals, POLLIN, 0};
+  while (poll(&stop, 1, -1) != 1) continue;
+  sigset_t pending;
+  sigpending(&pending);
+  return sigismember(&pending, SIGTERM) == 1 ? SIGTERM : SIGINT;
+}
+
 }  // namespace
 
-StopWatchdog::StopWatchdog(const sigset_t& stop_signals)
-    : thread_([this, stop_signals] { run(stop_signals); }) {}
+StopWatchdog::StopWatchdog() : signals_(open_signals()), thread_([this] { run(); }) {}
 
 StopWatchdog::~StopWatchdog() {
   {
@@ -72,9 +91,8 @@ void StopWatchdog::nothing_left_to_lose() {
   news_.notify_all();
 }
 
-void StopWatchdog::run(const sigset_t& stop_signals) {
-  int signal = 0;
-  sigwait(&stop_signals, &signal);
+void StopWatchdog::run() {
+  const int signal = await_pending(signals_);
   const auto asked = std::chrono::steady_clock::now();
   std::unique_lock lock(mutex_);
   if (!begun_ && !over_) _exit(0);

@@ -5,12 +5,13 @@
 
 #include <chrono>
 #include <condition_variable>
-#include <csignal>
 #include <functional>
 #include <mutex>
 #include <optional>
 #include <string>
 #include <thread>
+
+#include "agent/file_handle.h"
 
 namespace fxagent {
 
@@ -23,9 +24,11 @@ class StopWatchdog final {
   /// Exit status of a process that was ended by force before everything was reported and written.
   static constexpr int kEndedByForce = 1;
 
-  /// Starts the thread. `stop_signals`, SIGTERM among them, are blocked in every thread of the
-  /// process. Throws std::system_error if no thread can be started.
-  explicit StopWatchdog(const sigset_t& stop_signals);
+  /// Blocks SIGINT and SIGTERM in this thread and in those that it starts, and starts the
+  /// watchdog's thread. It leaves a stop signal pending: if this program replaces itself at that
+  /// moment, the new one receives the signal. Throws std::system_error without a free file handle
+  /// or thread.
+  StopWatchdog();
   /// Stops the watchdog: the process has practically ended.
   ~StopWatchdog();
   StopWatchdog(const StopWatchdog&) = delete;
@@ -50,9 +53,10 @@ class StopWatchdog final {
   void nothing_left_to_lose();
 
  private:
-  void run(const sigset_t& stop_signals);
+  void run();
   void end_by_force(int status);
 
+  const FileHandle signals_;  ///< readable while a stop signal is pending
   std::mutex mutex_;
   std::condition_variable news_;
   int signal_ = 0;                       ///< under mutex_; 0: none so far
