@@ -76,7 +76,10 @@ class Publisher final {
 
   /// Adds a profile with a session of its own. Call before the first step(); it is used until
   /// finished().
-  void add(Outlet& outlet) { outlets_.push_back(&outlet); }
+  void add(Outlet& outlet) {
+    outlet.answer_in_stop([this] { return !intake_.empty(); });
+    outlets_.push_back(&outlet);
+  }
 
   /// Processes all events and does what is due. Returns the time by which it must be called again;
   /// call it sooner if the outbox or the broker has events.

@@ -89,7 +89,8 @@ SteadyTime Outlet::step(SteadyTime now) {
   send(now);
   const bool failed = outgoing_.fail_unsendable(now);
   if (shutdown_.has_begun())
-    shutdown_.step(outgoing_.empty() && !samples_.has_live() && results_.empty(), now);
+    shutdown_.step(
+        !commands_wait_() && outgoing_.empty() && !samples_.has_live() && results_.empty(), now);
   if (finished()) {
     session_.close(now);
     samples_.spool().close();

@@ -10,6 +10,7 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <utility>
 
 #include "agent/config/config_difference.h"
 #include "agent/config/model.h"
@@ -47,6 +48,10 @@ class Outlet final : private Outgoing::Sender {
          std::function<std::int64_t()> utc_ms, GuardedStore* store);
   Outlet(const Outlet&) = delete;
   Outlet& operator=(const Outlet&) = delete;
+
+  /// Lets a stop wait for the results of the profile's commands. `do_wait` returns true while some
+  /// commands have no result yet.
+  void answer_in_stop(std::function<bool()> do_wait) { commands_wait_ = std::move(do_wait); }
 
   /// Takes states and samples from the field. Call before the states of the batch are moved from.
   void take(const Outbox::Batch& batch, SteadyTime now);
@@ -102,6 +107,7 @@ class Outlet final : private Outgoing::Sender {
   Farewell farewell_;
   Shutdown shutdown_;
 
+  std::function<bool()> commands_wait_ = [] { return false; };
   std::uint64_t collected_ = 0;
   std::deque<Result> results_;  ///< until the broker has them; oldest first
   std::uint64_t dropped_results_ = 0;

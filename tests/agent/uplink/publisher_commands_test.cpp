@@ -6,6 +6,8 @@
 
 #include "agent/cli/audit/audit_report.h"
 #include "agent/commands/recovery.h"
+#include "agent/uplink/profile/json_profile.h"
+#include "agent/uplink/profile/outlet.h"
 #include "tests/agent/uplink/publisher_bench.h"
 
 namespace fxagent {
@@ -471,6 +473,28 @@ TEST_F(PublisherOnlineTest, CommandDuringTheEndIsAnswered) {
   ASSERT_EQ(results.size(), 1U);
   EXPECT_EQ(results[0]["reason"], "shutting_down");
   EXPECT_EQ(results[0]["id"], "late");
+}
+
+TEST_F(PublisherTest, CommandOfAProfileDuringTheEndIsAnsweredAtItsBroker) {
+  test::FakeBroker cloud;
+  const auto relay = [this](RelayedCommand command) {
+    bench.made().take_relayed(std::move(command), bench.now);
+  };
+  JsonProfile profile(bench.config, "9f3c21aa", "0.1.0", 0, "cloud", relay);
+  Outlet::Settings settings;
+  settings.mqtt = bench.config.mqtt;
+  Outlet outlet(
+      bench.config, std::move(settings), profile, cloud, [this] { return bench.utc(); }, nullptr);
+  bench.made().add(outlet);
+  bench.online();
+  cloud.log.clear();
+  cloud.send(test::message_on(kBase + "/press1/command",
+                              R"({"id":"late","op":"write","tag":"setpoint","value":1})"));
+  bench.stop_without_spinning(10);
+  const auto result = std::ranges::find(cloud.log, kBase + "/press1/result", &Publication::topic);
+  ASSERT_NE(result, cloud.log.end());
+  EXPECT_EQ(json::parse(result->payload)["reason"], "shutting_down");
+  EXPECT_EQ(cloud.log.back().topic, kBase + "/state") << "the farewell";
 }
 
 TEST_F(PublisherOnlineTest, CommandIsRefusedOnceTheFieldIsToStop) {
