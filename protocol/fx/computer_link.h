@@ -30,7 +30,7 @@ class ComputerLink final : public Codec, public AddressSpace, public PlcServices
  public:
   /// Settings of D8120 and D8121 of the PLC, from the computer's side.
   struct Settings {
-    Model model = Model::unknown;
+    Model model = Model::unknown_fx;
     std::uint32_t station = 0;     ///< 0 to 15
     bool ends_with_cr_lf = false;  ///< control procedure format 4; format 1 has no terminator
     bool sum_check = true;

@@ -113,7 +113,7 @@ std::optional<FrameDevice> LinkWalk::device_in(ByteView wire) {
     return std::nullopt;
   // Only QR, QW and QT reach extension registers, whose names have seven characters.
   if (head == "T" || head == "C" || (head == "R" && written.size() != 7)) return std::nullopt;
-  const auto address = parse_address(model_, written, std::nullopt);
+  const auto address = fx::parse_address(model_, written, std::nullopt);
   if (!address) return std::nullopt;
   const bool only_bits = address->span.bits == 1 && (head[0] == 'T' || head[0] == 'C');
   return FrameDevice{std::string(address->text), address->span.bits, only_bits};

@@ -23,12 +23,9 @@ constexpr PointLimits kWide{256, 64, 32, 32, 160, 64, 10, 32, 20, 10};
 
 /// Returns the limits of a model. An unknown model gets those that fit all models.
 const PointLimits& limits_of(Model model) {
-  const bool narrow = model == Model::unknown || model == Model::fx0n || model == Model::fx1s;
+  const bool narrow = model == Model::unknown_fx || model == Model::fx0n || model == Model::fx1s;
   return narrow ? kNarrow : kWide;
 }
-
-/// False for timer and counter contacts, which are reached only bit by bit.
-bool has_word_way(Space space) { return space != Space::ts && space != Space::cs; }
 
 bool is_bit_space(std::uint16_t space) { return kind_of(static_cast<Space>(space)).bits == 1; }
 
@@ -56,18 +53,18 @@ void append_points(Bytes& out, std::uint32_t points) { append_hex(out, points & 
 
 /// True if WW and WT can carry the span of a bit device: whole words from a multiple of eight.
 bool is_bit_words(const Span& span) {
-  return has_word_way(static_cast<Space>(span.space)) && span.first_bit % 8 == 0 &&
+  return !mc::is_contact(static_cast<Space>(span.space)) && span.first_bit % 8 == 0 &&
          span.bits % 16 == 0;
 }
 
 /// Checks a write. BW and BT replace exactly the bits that they name, so each bit is checked alone.
 /// WW of bits carries only whole words.
 Result<void> check_exact(Model model, const Span& span) {
-  const bool few_bits = span.space < id(Space::tc) && is_bit_space(span.space) && span.bits != 0 &&
+  const bool few_bits = is_addressed(span.space) && is_bit_space(span.space) && span.bits != 0 &&
                         span.bits <= kWide.bw;
-  if (!few_bits) return check_write(model, span);
+  if (!few_bits) return fx::check_write(model, span);
   for (std::uint32_t i = 0; i < span.bits; ++i)
-    if (auto allowed = check_write(model, {span.space, span.first_bit + i, 1}); !allowed)
+    if (auto allowed = fx::check_write(model, {span.space, span.first_bit + i, 1}); !allowed)
       return allowed;
   return {};
 }
@@ -80,7 +77,7 @@ std::optional<Carrier> carrier_of(const std::vector<Write>& parts, const PointLi
   bool all_bits = !parts.empty();
   bool all_words = !parts.empty();
   for (const Write& part : parts) {
-    if (part.span.space >= id(Space::tc)) return std::nullopt;
+    if (!is_addressed(part.span.space)) return std::nullopt;
     const std::uint32_t unit = kind_of(static_cast<Space>(part.span.space)).bits;
     bits += part.span.bits;
     all_bits = all_bits && unit == 1;
@@ -179,7 +176,7 @@ mc::Dialect frame_of(const Settings& settings) {
 
 std::vector<ReadWay> ComputerLink::read_ways(std::uint16_t space_id) const {
   std::vector<ReadWay> ways;
-  if (space_id >= id(Space::tc)) return ways;
+  if (!is_addressed(space_id)) return ways;
   const auto space = static_cast<Space>(space_id);
   const std::uint32_t bits = kind_of(space).bits;
   const PointLimits& limits = limits_of(settings_.model);
@@ -195,7 +192,7 @@ std::vector<ReadWay> ComputerLink::read_ways(std::uint16_t space_id) const {
                     .max_bits = std::max(most / unit * unit, unit)});
   };
   // Only FX3 have the Q commands, so R is not read before the model is known.
-  if (space == Space::r && settings_.model == Model::unknown) return ways;
+  if (space == Space::r && settings_.model == Model::unknown_fx) return ways;
   for (const Numbers& numbers : numbers_of(settings_.model, space)) {
     const Span run = span_of(space, numbers);
     if (bits == 1) add(run, kBitWay, 1, 1, limits.br);
@@ -203,14 +200,14 @@ std::vector<ReadWay> ComputerLink::read_ways(std::uint16_t space_id) const {
     if (bits == 32) add(run, kWordWay, 32, 32, limits.wr_of_dwords);
     // The words of a bit device may extend past the last one. While the model is unknown, so is
     // that device, and bits are read one by one.
-    if (bits == 1 && has_word_way(space) && settings_.model != Model::unknown)
+    if (bits == 1 && !mc::is_contact(space) && settings_.model != Model::unknown_fx)
       add(run, kWordWay, 8, 16, limits.wr_of_bits);
   }
   return ways;
 }
 
 std::uint32_t ComputerLink::max_write_bits(std::uint16_t space) const {
-  if (space >= id(Space::tc)) return 0;
+  if (!is_addressed(space)) return 0;
   const std::uint32_t bits = kind_of(static_cast<Space>(space)).bits;
   const PointLimits& limits = limits_of(settings_.model);
   // For bits, as many whole bytes as BW carries: a remainder shorter than a word must fit, too.
@@ -228,7 +225,7 @@ Result<Bytes> ComputerLink::encode(const Request& request, std::uint16_t /*tag*/
   if (const auto* scatter = std::get_if<Scatter>(&request))
     return encode_scatter(settings_, *scatter);
   if (const auto* force = std::get_if<Force>(&request)) {
-    if (force->space < id(Space::tc) && !is_bit_space(force->space))
+    if (is_addressed(force->space) && !is_bit_space(force->space))
       return refuse(device_name({force->space, force->bit, 1}) +
                     " is a word: only bits can be forced");
     return encode_write(settings_, write_of(*force));

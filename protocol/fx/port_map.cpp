@@ -8,8 +8,8 @@ namespace {
 
 constexpr std::optional<std::uint16_t> kNoForce = std::nullopt;
 
-// Every space except R, whose addresses are not documented.
-constexpr std::size_t kMapped = kSpaces - 1;
+// Each map has every space of an FX except R, whose addresses are not documented.
+constexpr std::size_t kMapped = 14;
 
 constexpr std::array<PortArea, kMapped> kClassic = {{
     {Space::s, 0x0000, 0x0000, 1024},
@@ -80,12 +80,9 @@ PortMap map_of(Model model, CommandSet set) {
     case Model::fx3g:
     case Model::fx3u:
       return kExtendedFx3;
-    case Model::unknown:
-    case Model::fx0n:
-    case Model::fx1s:
-      break;
+    default:
+      return {};
   }
-  return {};
 }
 
 const PortArea* area_of(PortMap map, Space space) {

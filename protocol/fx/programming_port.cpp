@@ -160,7 +160,7 @@ Result<std::shared_ptr<const Codec>> ProgrammingPort::make(const Options& option
     if (*commands == "classic") settings.commands = Commands::classic;
     if (*commands == "extended") settings.commands = Commands::extended;
   }
-  if (settings.commands == Commands::extended && settings.model != Model::unknown &&
+  if (settings.commands == Commands::extended && settings.model != Model::unknown_fx &&
       map_of(settings.model, CommandSet::extended).empty())
     return refuse(std::string(to_string(settings.model)) + " has only the classic command set");
   take_option(settings.max_block_bytes, options, "max_block_bytes", 2, kFx3Bytes);
@@ -210,7 +210,7 @@ std::vector<CommandSet> sets_of(const Settings& settings) {
 std::vector<ReadWay> ways_of(const Settings& settings, Space space, CommandSet set) {
   std::vector<ReadWay> ways;
   const PortArea* area = area_of(map_of(settings.model, set), space);
-  if (area == nullptr || id(space) >= id(Space::tc)) return ways;
+  if (area == nullptr || !is_addressed(id(space))) return ways;
   const DeviceKind& kind = kind_of(space);
   const std::uint32_t unit = std::max<std::uint32_t>(kind.bits, 8);
   for (const Numbers& run : numbers_of(settings.model, space)) {
@@ -236,8 +236,8 @@ Result<CommandSet> set_for(const Settings& settings, const Span& span) {
   }
   return fail(ErrorCode::unsupported,
               device_name(span) + " needs the extended command set" +
-                  (settings.model == Model::unknown ? ", and the model is not known"
-                                                    : ", which is not in use"));
+                  (settings.model == Model::unknown_fx ? ", and the model is not known"
+                                                       : ", which is not in use"));
 }
 
 }  // namespace

@@ -23,7 +23,7 @@ class ProgrammingPort final : public Codec, public AddressSpace, public PlcServi
   /// Commands that may be used. `automatic` uses the classic ones wherever they reach.
   enum class Commands : std::uint8_t { automatic, classic, extended };
   struct Settings {
-    Model model = Model::unknown;
+    Model model = Model::unknown_fx;
     Commands commands = Commands::automatic;
     /// Data bytes of one frame. Only extended reads of an FX3 use more than 64.
     std::uint32_t max_block_bytes = 64;

@@ -205,7 +205,7 @@ Explanation ProgrammingPort::explain(ByteView frame, std::optional<Direction> di
   const std::size_t behind = frame.size() - length - 1;
   if (behind != 2)
     return wrong(out, "two digits of sum follow ETX, not " + std::to_string(behind) + " bytes");
-  const Model model = settings_.model == Model::unknown ? Model::fx3u : settings_.model;
+  const Model model = settings_.model == Model::unknown_fx ? Model::fx3u : settings_.model;
   const ByteView payload = frame.subspan(1, length - 1);
   out = !direction                         ? likelier(model, payload)
         : *direction == Direction::request ? explain_request(model, payload)

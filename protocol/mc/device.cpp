@@ -21,26 +21,21 @@ struct Named {
   Model model;
 };
 // A model's own name precedes those of its kin, and a model precedes its form reached by 1E.
-constexpr std::array<Named, 14> kModels = {{{"FX3U", Model::fx3u},
-                                            {"FX3UC", Model::fx3u},
-                                            {"FX3G", Model::fx3g},
-                                            {"FX3GC", Model::fx3g},
-                                            {"FX3GE", Model::fx3g},
-                                            {"FX5U", Model::fx5u},
-                                            {"FX5UC", Model::fx5u},
-                                            {"FX5UJ", Model::fx5uj},
-                                            {"FX5S", Model::fx5s},
-                                            {"Q", Model::q},
-                                            {"L", Model::l},
-                                            {"iQ-R", Model::iq_r},
-                                            {"Q", Model::q_by_1e},
-                                            {"L", Model::l_by_1e}}};
+constexpr auto kModels =
+    std::to_array<Named>({{"FX0N", Model::fx0n},  {"FX1S", Model::fx1s},  {"FX1N", Model::fx1n},
+                          {"FX1NC", Model::fx1n}, {"FX2N", Model::fx2n},  {"FX2NC", Model::fx2n},
+                          {"FX3S", Model::fx3s},  {"FX3G", Model::fx3g},  {"FX3GC", Model::fx3g},
+                          {"FX3GE", Model::fx3g}, {"FX3U", Model::fx3u},  {"FX3UC", Model::fx3u},
+                          {"FX5U", Model::fx5u},  {"FX5UC", Model::fx5u}, {"FX5UJ", Model::fx5uj},
+                          {"FX5S", Model::fx5s},  {"Q", Model::q},        {"L", Model::l},
+                          {"iQ-R", Model::iq_r},  {"Q", Model::q_by_1e},  {"L", Model::l_by_1e}});
 
 constexpr auto kDec = Numbering::decimal;
 constexpr auto kHex = Numbering::hexadecimal;
 constexpr auto kOct = Numbering::octal_on_fx;
 constexpr std::uint32_t kSpecial = 8000;
 constexpr std::uint32_t kLong = 200;
+constexpr std::uint32_t kSmallLong = 235;  // FX0N and FX1S: none between these and the 16-bit ones
 
 // SH-080008 for 3E and C frames, JY997D45801 for 1E; code 98 of S as measured on PLCs.
 constexpr std::array<DeviceKind, kSpaces> kKinds = {{
@@ -86,50 +81,51 @@ constexpr std::array<DeviceKind, kSpaces> kKinds = {{
 
 /// Number of devices, including those before the first number of the space.
 struct Counts {
-  std::uint32_t fx3u = 0, fx3g = 0, iq_f = 0, q_l = 0, iq_r = 0;
+  std::uint32_t fx0n = 0, fx1s = 0, fx1n = 0, fx2n = 0, fx3s = 0, fx3g = 0, fx3u = 0;
+  std::uint32_t iq_f = 0, q_l = 0, iq_r = 0;
 };
-// FX3: tables of JY997D45801 and JY997D18101. DX and DY of Q and L: as ascii_base_of(). The others
-// are from product knowledge, unverified. An iQ-R has at most 10117632 words of device memory; each
-// count assumes that all are of one kind.
+// FX0N to FX2N: JY992D69901, 7.7.2. FX3G and FX3U: tables of JY997D45801 and JY997D18101. DX and DY
+// of Q and L: as ascii_base_of(). The others are from product knowledge, unverified. An iQ-R has at
+// most 10117632 words of device memory; each count assumes that all are of one kind.
 constexpr std::array<Counts, kSpaces> kCounts = {{
-    {0400, 0200, 02000, 0x2000, 0x3000},    // X
-    {0400, 0200, 02000, 0x2000, 0x3000},    // Y
-    {0, 0, 0, 0x1000, 0x3000},              // DX
-    {0, 0, 0, 0x1000, 0x3000},              // DY
-    {7680, 7680, 32768, 61440, 161882112},  // M
-    {8512, 8512, 0, 0, 0},                  // M8000
-    {0, 0, 32768, 32768, 32768},            // L
-    {0, 0, 32768, 32768, 32768},            // F
-    {0, 0, 0, 32768, 32768},                // V
-    {0, 0, 0x8000, 0xF000, 0x9A62000},      // B
-    {0, 0, 0x8000, 0x8000, 0x9A62000},      // SB
-    {4096, 4096, 4096, 8192, 16384},        // S
-    {0, 0, 10000, 2048, 4096},              // SM
-    {512, 320, 1024, 32768, 8993440},       // TS
-    {512, 320, 1024, 32768, 8993440},       // TC
-    {512, 320, 1024, 32768, 8993440},       // TN
-    {0, 0, 1024, 32768, 8993440},           // STS
-    {0, 0, 1024, 32768, 8993440},           // STC
-    {0, 0, 1024, 32768, 8993440},           // STN
-    {256, 256, 1024, 32768, 8993440},       // CS
-    {256, 256, 1024, 32768, 8993440},       // CC
-    {200, 200, 1024, 32768, 8993440},       // CN
-    {256, 256, 0, 0, 0},                    // CN200
-    {0, 0, 1024, 0, 4761120},               // LCS
-    {0, 0, 1024, 0, 4761120},               // LCC
-    {0, 0, 1024, 0, 4761120},               // LCN
-    {0, 0, 0, 0, 2529408},                  // LTN
-    {0, 0, 0, 0, 2529408},                  // LSTN
-    {8000, 8000, 8000, 4184064, 10117632},  // D
-    {8512, 8512, 0, 0, 0},                  // D8000
-    {0, 0, 0x8000, 4184064, 10117632},      // W
-    {0, 0, 0x8000, 0x8000, 10117632},       // SW
-    {0, 0, 12000, 2048, 4096},              // SD
-    {32768, 24000, 32768, 32768, 32768},    // R
-    {0, 0, 0, 4184064, 10027008},           // ZR
-    {0, 0, 0, 0, 524288},                   // RD
-    {0, 0, 24, 20, 24},                     // Z
-    {0, 0, 12, 0, 12},                      // LZ
+    {0200, 020, 0200, 0270, 0200, 0200, 0400, 02000, 0x2000, 0x3000},   // X
+    {0200, 016, 0200, 0270, 0200, 0200, 0400, 02000, 0x2000, 0x3000},   // Y
+    {0, 0, 0, 0, 0, 0, 0, 0, 0x1000, 0x3000},                           // DX
+    {0, 0, 0, 0, 0, 0, 0, 0, 0x1000, 0x3000},                           // DY
+    {512, 512, 1536, 3072, 1536, 7680, 7680, 32768, 61440, 161882112},  // M
+    {8256, 8256, 8256, 8256, 8512, 8512, 8512, 0, 0, 0},                // M8000
+    {0, 0, 0, 0, 0, 0, 0, 32768, 32768, 32768},                         // L
+    {0, 0, 0, 0, 0, 0, 0, 32768, 32768, 32768},                         // F
+    {0, 0, 0, 0, 0, 0, 0, 0, 32768, 32768},                             // V
+    {0, 0, 0, 0, 0, 0, 0, 0x8000, 0xF000, 0x9A62000},                   // B
+    {0, 0, 0, 0, 0, 0, 0, 0x8000, 0x8000, 0x9A62000},                   // SB
+    {128, 128, 1000, 1000, 256, 4096, 4096, 4096, 8192, 16384},         // S
+    {0, 0, 0, 0, 0, 0, 0, 10000, 2048, 4096},                           // SM
+    {64, 64, 256, 256, 138, 320, 512, 1024, 32768, 8993440},            // TS
+    {64, 64, 256, 256, 138, 320, 512, 1024, 32768, 8993440},            // TC
+    {64, 64, 256, 256, 138, 320, 512, 1024, 32768, 8993440},            // TN
+    {0, 0, 0, 0, 0, 0, 0, 1024, 32768, 8993440},                        // STS
+    {0, 0, 0, 0, 0, 0, 0, 1024, 32768, 8993440},                        // STC
+    {0, 0, 0, 0, 0, 0, 0, 1024, 32768, 8993440},                        // STN
+    {255, 256, 256, 256, 256, 256, 256, 1024, 32768, 8993440},          // CS
+    {255, 256, 256, 256, 256, 256, 256, 1024, 32768, 8993440},          // CC
+    {32, 32, 200, 200, 200, 200, 200, 1024, 32768, 8993440},            // CN
+    {255, 256, 256, 256, 256, 256, 256, 0, 0, 0},                       // CN200
+    {0, 0, 0, 0, 0, 0, 0, 1024, 0, 4761120},                            // LCS
+    {0, 0, 0, 0, 0, 0, 0, 1024, 0, 4761120},                            // LCC
+    {0, 0, 0, 0, 0, 0, 0, 1024, 0, 4761120},                            // LCN
+    {0, 0, 0, 0, 0, 0, 0, 0, 0, 2529408},                               // LTN
+    {0, 0, 0, 0, 0, 0, 0, 0, 0, 2529408},                               // LSTN
+    {256, 256, 8000, 8000, 3000, 8000, 8000, 8000, 4184064, 10117632},  // D
+    {8256, 8256, 8256, 8256, 8512, 8512, 8512, 0, 0, 0},                // D8000
+    {0, 0, 0, 0, 0, 0, 0, 0x8000, 4184064, 10117632},                   // W
+    {0, 0, 0, 0, 0, 0, 0, 0x8000, 0x8000, 10117632},                    // SW
+    {0, 0, 0, 0, 0, 0, 0, 12000, 2048, 4096},                           // SD
+    {0, 0, 0, 0, 0, 24000, 32768, 32768, 32768, 32768},                 // R
+    {0, 0, 0, 0, 0, 0, 0, 0, 4184064, 10027008},                        // ZR
+    {0, 0, 0, 0, 0, 0, 0, 0, 0, 524288},                                // RD
+    {0, 0, 0, 0, 0, 0, 0, 24, 20, 24},                                  // Z
+    {0, 0, 0, 0, 0, 0, 0, 12, 0, 12},                                   // LZ
 }};
 
 /// Series of each model and its column of the counts, in the order of Model.
@@ -137,11 +133,16 @@ struct ModelFacts {
   Series series;
   std::uint32_t Counts::*count;
 };
-constexpr std::array<ModelFacts, 12> kFacts = {{
+constexpr std::array<ModelFacts, 17> kFacts = {{
     {Series::unknown, nullptr},     // unknown: the largest count of all
-    {Series::fx3, &Counts::fx3u},   // unknown_fx3
-    {Series::fx3, &Counts::fx3u},   // fx3u
+    {Series::fx3, &Counts::fx3u},   // unknown_fx
+    {Series::fx, &Counts::fx0n},    // fx0n
+    {Series::fx, &Counts::fx1s},    // fx1s
+    {Series::fx, &Counts::fx1n},    // fx1n
+    {Series::fx, &Counts::fx2n},    // fx2n
+    {Series::fx, &Counts::fx3s},    // fx3s
     {Series::fx3, &Counts::fx3g},   // fx3g
+    {Series::fx3, &Counts::fx3u},   // fx3u
     {Series::iq_f, &Counts::iq_f},  // fx5u
     {Series::iq_f, &Counts::iq_f},  // fx5uj
     {Series::iq_f, &Counts::iq_f},  // fx5s
@@ -186,7 +187,9 @@ std::uint32_t count_of(Model model, Space space) {
   return counts.*facts_of(model).count;
 }
 
-// Devices that start and stop an FX, switch off its outputs or open its program memory.
+// Devices that start and stop an FX, switch off its outputs or open its program memory. RUN and
+// STOP have requests of their own; a write that reached one of these as a side effect would stop a
+// plant.
 struct NeverWritten {
   Space space = Space::sm;
   Numbers numbers;
@@ -200,7 +203,7 @@ constexpr std::string_view kForms =
     "contacts TS0 STS0 CS0, coils TC0 STC0 CC0, T0 C0, D0.F, K4M0";
 
 std::string model_text(Model model) {
-  if (model == Model::unknown_fx3) return "the widest model (FX3U)";
+  if (model == Model::unknown_fx) return "the widest model (FX3U)";
   if (model == Model::unknown) return "the widest model";
   const std::string name(to_string(model));
   return is_by_1e(model) ? name + " by 1E frames" : name;
@@ -212,11 +215,10 @@ std::string ranges_text(Model model, std::string_view letters) {
   for (std::uint16_t i = 0; i < kSpaces; ++i) {
     const auto space = static_cast<Space>(i);
     if (kind_of(space).letters != letters) continue;
-    const auto numbers = numbers_of(model, space);
-    if (!numbers) continue;
-    if (!text.empty()) text += " and ";
-    text +=
-        device_name(model, space, numbers->first) + "-" + device_name(model, space, numbers->last);
+    for (const Numbers& run : numbers_of(model, space)) {
+      if (!text.empty()) text += " and ";
+      text += device_name(model, space, run.first) + "-" + device_name(model, space, run.last);
+    }
   }
   return text;
 }
@@ -317,9 +319,9 @@ std::string not_octal(Model model, const Parts& parts) {
          parts.letters + digits_of(before + 1, 8);
 }
 
-std::uint32_t base_of(Series series, Numbering numbering) {
+std::uint32_t base_of(Model model, Numbering numbering) {
   if (numbering == Numbering::decimal) return 10;
-  const bool fx = series == Series::fx3 || series == Series::iq_f;
+  const bool fx = is_fx(model) || series_of(model) == Series::iq_f;
   return numbering == Numbering::octal_on_fx && fx ? 8 : 16;
 }
 
@@ -327,15 +329,14 @@ Result<std::uint32_t> number_in(Model model, const Parts& parts) {
   std::string_view digits = parts.digits;
   while (digits.size() > 1 && digits.front() == '0') digits.remove_prefix(1);
   const Numbering numbering = numbering_of(parts.letters);
-  const Series series = series_of(model);
   // Both bases agree on the first eight numbers. Beyond them a guess would read other inputs.
-  if (numbering == Numbering::octal_on_fx && series == Series::unknown &&
+  if (numbering == Numbering::octal_on_fx && series_of(model) == Series::unknown &&
       (digits.size() > 1 || digits > "7"))
     return refuse(parts.name +
                   ": X and Y are numbered in octal on an FX5 and in hexadecimal on "
                   "others, so `model` must be set for those above " +
                   parts.letters + "7");
-  const std::uint32_t base = base_of(series, numbering);
+  const std::uint32_t base = base_of(model, numbering);
   if (base == 8 && digits.find_first_not_of("01234567") != std::string_view::npos)
     return refuse(not_octal(model, parts));
   std::uint32_t number = 0;
@@ -346,14 +347,15 @@ Result<std::uint32_t> number_in(Model model, const Parts& parts) {
   return number;
 }
 
-/// Returns the space of complete letters. For M, D and CN of an FX3 the number decides.
+/// Returns the space of complete letters. For M, D and CN of an FX up to the FX3 the number
+/// decides.
 Space space_of(Model model, std::string_view letters, std::uint32_t number) {
   std::optional<Space> found;
   for (std::uint16_t i = 0; i < kSpaces; ++i) {
     const auto space = static_cast<Space>(i);
     const DeviceKind& kind = kind_of(space);
     if (kind.letters != letters) continue;
-    if (!found || (series_of(model) == Series::fx3 && number >= kind.first_number)) found = space;
+    if (!found || (is_fx(model) && number >= kind.first_number)) found = space;
   }
   return *found;
 }
@@ -362,17 +364,37 @@ Result<void> check_forbidden(const Span& span) {
   for (const NeverWritten& never : kNeverWritten)
     if (overlap(span, span_of(never.space, never.numbers)))
       return refuse(
-          "M8034-M8037, M8118 and SM8034-SM8037 cannot be written by address; use the commands run "
-          "and stop");
+          std::string(never.space == Space::sm ? "SM8034-SM8037" : "M8034-M8037 and M8118") +
+          " cannot be written by address; use the commands run and stop");
   return {};
 }
 
 /// Check before a number is converted to bits: the bits of a number that no model has may not fit
 /// into 32 bits.
 Result<void> check_number(Model model, Space space, std::uint32_t number) {
-  const auto numbers = numbers_of(model, space);
-  if (numbers && number <= numbers->last) return {};
+  if (has_device(model, space, number)) return {};
   return missing(model, device_name(model, space, number), kind_of(space).letters);
+}
+
+/// Returns the error for a span that begins inside the model's devices and leaves them at device
+/// `number`.
+tl::unexpected<Error> leaves(Model model, const Span& span, std::uint32_t number) {
+  const auto space = static_cast<Space>(span.space);
+  const DeviceKind& kind = kind_of(space);
+  const std::uint64_t last_bit = std::uint64_t{span.first_bit} + span.bits - 1;
+  const auto last = static_cast<std::uint32_t>(kind.first_number + last_bit / kind.bits);
+  const std::string both = device_name(model, span) + "-" + device_name(model, space, last);
+  for (std::uint16_t i = 0; i < kSpaces; ++i) {
+    const auto other = static_cast<Space>(i);
+    if (kind_of(other).letters == kind.letters && has_device(model, other, number))
+      return refuse(both + " does not exist as one range: " + model_text(model) + " has " +
+                    ranges_text(model, kind.letters));
+  }
+  return missing(model, both + ": " + device_name(model, space, number), kind.letters);
+}
+
+bool contains(const Numbers& run, std::uint32_t number) {
+  return run.first <= number && number <= run.last;
 }
 
 template <class Is>
@@ -385,6 +407,10 @@ std::optional<Space> first_space(Is is) {
 }  // namespace
 
 Series series_of(Model model) { return facts_of(model).series; }
+
+bool is_fx(Model model) {
+  return series_of(model) == Series::fx || series_of(model) == Series::fx3;
+}
 
 std::span<const std::string_view> model_names() { return kNames; }
 std::span<const std::string_view> kin_names() { return kKinNames; }
@@ -427,20 +453,27 @@ std::optional<Space> space_coded_1e(std::uint16_t one_e) {
   return first_space([&](const DeviceKind& kind) { return one_e != 0 && kind.one_e == one_e; });
 }
 
-std::uint32_t base_of(Model model, Space space) {
-  return base_of(series_of(model), kind_of(space).numbering);
-}
+std::uint32_t base_of(Model model, Space space) { return base_of(model, kind_of(space).numbering); }
 
 // QnUCPU user's manual (function explanation), table 6.44: devices of the serial communication.
 std::uint32_t ascii_base_of(Model model, Space space) {
   return space == Space::zr ? 16 : base_of(model, space);
 }
 
-std::optional<Numbers> numbers_of(Model model, Space space) {
+std::vector<Numbers> numbers_of(Model model, Space space) {
   const std::uint32_t count = count_of(model, space);
-  const std::uint32_t first = kind_of(space).first_number;
-  if (count <= first) return std::nullopt;
-  return Numbers{first, count - 1};
+  const bool is_small = model == Model::fx0n || model == Model::fx1s;
+  const std::uint32_t first =
+      is_small && space == Space::cn32 ? kSmallLong : kind_of(space).first_number;
+  if (count <= first) return {};
+  if (is_small && (space == Space::cs || space == Space::cc))
+    return {{0, count_of(model, Space::cn) - 1}, {kSmallLong, count - 1}};
+  return {{first, count - 1}};
+}
+
+bool has_device(Model model, Space space, std::uint32_t number) {
+  return std::ranges::any_of(numbers_of(model, space),
+                             [&](const Numbers& run) { return contains(run, number); });
 }
 
 Span span_of(Space space, Numbers numbers) {
@@ -482,7 +515,8 @@ Result<Address> parse_address(Model model, std::string_view text, std::optional<
   Numbers numbers{*number, *number};
   if (parts.group != 0) {
     if (!is_among(kGroupable, parts.letters))
-      return refuse(parts.name + ": a group is made of X, Y, M, L, F, V, B, S, SM or SB");
+      return refuse(parts.name + ": a group is made of X, Y, M" +
+                    (is_fx(model) ? " or S" : ", L, F, V, B, S, SM or SB"));
     numbers.last += static_cast<std::uint32_t>(parts.group) * 4 - 1;
     address.unit = Unit::bit_group;
     address.text = "K" + std::to_string(parts.group) + address.text;
@@ -519,21 +553,23 @@ Result<Span> parse_range(Model model, std::string_view text) {
     if (is_among(kBare, parts->letters))
       return refuse(
           std::string(text) + " is ambiguous: write " + parts->letters + "N for the values" +
-          (is_among(kWithContact, parts->letters) ? ", " + parts->letters + "S for the contacts"
+          (is_among(kWithContact, parts->letters) ? " or " + parts->letters + "S for the contacts"
                                                   : std::string()));
     const auto number = number_in(model, *parts);
     if (!number) return fail(number);
     const Space found = space_of(model, parts->letters, *number);
+    if (const auto present = check_number(model, found, *number); !present) return fail(present);
     if (space && *space != found)
-      return refuse(std::string(text) + ": both ends must be of one kind");
+      return refuse(std::string(text) + ": both ends must be of one kind" +
+                    (is_fx(model) ? " (specials from 8000 and 32-bit counters from CN200 are kinds "
+                                    "of their own)"
+                                  : ""));
     if (!space) numbers.first = *number;
     numbers.last = *number;
     space = found;
   }
   if (numbers.last < numbers.first)
     return refuse(std::string(text) + ": the range ends before it begins");
-  if (const auto present = check_number(model, *space, numbers.last); !present)
-    return fail(present);
   const Span span = span_of(*space, numbers);
   if (const auto allowed = check_range(model, span); !allowed) return fail(allowed);
   if (const auto allowed = check_forbidden(span); !allowed) return fail(allowed);
@@ -545,18 +581,18 @@ Result<void> check_range(Model model, const Span& span) {
     return refuse("space " + std::to_string(span.space) + " is not a device");
   const auto space = static_cast<Space>(span.space);
   const DeviceKind& kind = kind_of(space);
-  const auto numbers = numbers_of(model, space);
-  if (!numbers) return missing(model, device_name(model, span), kind.letters);
-  if (span.bits == 0) return {};
-  const std::uint64_t last_bit = std::uint64_t{span.first_bit} + span.bits - 1;
-  if (kind.first_number + last_bit / kind.bits <= numbers->last) return {};
-  const std::uint32_t first = kind.first_number + span.first_bit / kind.bits;
-  if (first > numbers->last) return missing(model, device_name(model, space, first), kind.letters);
-  const auto last = static_cast<std::uint32_t>(kind.first_number + last_bit / kind.bits);
-  return missing(model,
-                 device_name(model, span) + "-" + device_name(model, space, last) + ": " +
-                     device_name(model, space, numbers->last + 1),
-                 kind.letters);
+  const auto runs = numbers_of(model, space);
+  const std::uint64_t end = std::uint64_t{span.first_bit} + span.bits;
+  for (std::uint64_t bit = span.first_bit; bit < end;) {
+    const auto number = static_cast<std::uint32_t>(kind.first_number + bit / kind.bits);
+    const auto run =
+        std::ranges::find_if(runs, [&](const Numbers& each) { return contains(each, number); });
+    if (run == runs.end())
+      return bit == span.first_bit ? missing(model, device_name(model, space, number), kind.letters)
+                                   : leaves(model, span, number);
+    bit = span_of(space, *run).end_bit();
+  }
+  return {};
 }
 
 Result<void> check_write(Model model, const Span& span) {

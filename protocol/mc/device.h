@@ -1,6 +1,7 @@
-// Device names of the MC protocol (X1F, ZR100, STN5, SM400, D100.F, K4M0), their memory, and their
-// codes in frames. Shared by 1E, 3E, 4E and the C frames.
-// Sources: SH-080008 (device codes), JY997D56001 (FX5), JY997D45801 and JY997D18101 (FX3 by 1E).
+// Device names of Mitsubishi PLCs (X1F, ZR100, STN5, SM400, D100.F, K4M0), their memory, and their
+// codes in MC frames. Shared by 1E, 3E, 4E, the C frames, and the FX protocols (fx/device.h).
+// Sources: SH-080008 (device codes), JY997D56001 (FX5), JY997D45801 and JY997D18101 (FX3G, FX3U),
+// JY992D69901, 7.7.2 (FX0N to FX2N). FX3S is from product knowledge and unverified.
 // The parameters of a Q, L or iQ-R set the number of devices of a kind; here is the largest number
 // possible.
 #pragma once
@@ -10,6 +11,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "protocol/value/point.h"
 #include "protocol/value/result.h"
@@ -17,10 +19,15 @@
 namespace fxagent::mc {
 
 enum class Model : std::uint8_t {
-  unknown,      ///< any model with 3E, 4E or C frames: the widest
-  unknown_fx3,  ///< an FX3 behind its Ethernet module: treated as FX3U
-  fx3u,
+  unknown,     ///< any model with 3E, 4E or C frames: the widest
+  unknown_fx,  ///< an FX up to the FX3: treated as FX3U, the widest
+  fx0n,
+  fx1s,
+  fx1n,
+  fx2n,
+  fx3s,
   fx3g,
+  fx3u,
   fx5u,
   fx5uj,
   fx5s,
@@ -32,8 +39,17 @@ enum class Model : std::uint8_t {
 };
 
 /// The series decides numbering, codes and limits.
-enum class Series : std::uint8_t { unknown, fx3, iq_f, q_l, iq_r };
+enum class Series : std::uint8_t {
+  unknown,
+  fx,   ///< FX0N to FX3S, which have no MC frames
+  fx3,  ///< FX3G and FX3U
+  iq_f,
+  q_l,
+  iq_r,
+};
 Series series_of(Model model);
+/// True for every FX up to the FX3.
+bool is_fx(Model model);
 
 /// Return the models with 3E, 4E and C frames, and those with 1E; each with further names for them.
 std::span<const std::string_view> model_names();
@@ -42,20 +58,20 @@ std::span<const std::string_view> one_e_model_names();
 std::span<const std::string_view> one_e_kin_names();
 /// Returns "FX5U" or "iQ-R"; empty for an unknown model.
 std::string_view to_string(Model model);
-/// Finds a name of all four lists above; nullopt for any other name.
+/// Finds a name of all four lists above or of an FX (fx/device.h); nullopt for any other name.
 std::optional<Model> model_named(std::string_view name);
 /// Returns the model as 1E frames see it: a Q or L has only the devices of an A series PLC.
 Model seen_by_1e(Model model);
 
-/// Kinds of device memory. M8000 up and D8000 up of an FX3 are separate memory, and its CN200-CN255
-/// are 32 bits wide: each is a space that counts from its first device.
+/// Kinds of device memory. M8000 up and D8000 up of an FX up to the FX3 are separate memory, and
+/// its CN200-CN255 are 32 bits wide: each is a space that counts from its first device.
 enum class Space : std::uint16_t {
   x,
   y,
   dx,
   dy,
   m,
-  special_m,  ///< M8000 up of an FX3
+  special_m,  ///< M8000 up of an FX
   l,
   f,
   v,
@@ -72,14 +88,14 @@ enum class Space : std::uint16_t {
   cs,
   cc,
   cn,
-  cn32,  ///< CN200 up of an FX3
+  cn32,  ///< CN200 up of an FX
   lcs,
   lcc,
   lcn,  ///< 32 bits, like the next two and LZ
   ltn,
   lstn,
   d,
-  special_d,  ///< D8000 up of an FX3
+  special_d,  ///< D8000 up of an FX
   w,
   sw,
   sd,
@@ -126,9 +142,11 @@ struct Numbers {
   std::uint32_t first = 0;
   std::uint32_t last = 0;
 };
-/// Returns nullopt if the model has no devices of this kind. An unknown model has the largest
-/// number of all models.
-std::optional<Numbers> numbers_of(Model model, Space space);
+/// Returns the numbers of a model in a space: one run, or two (counter contacts of FX0N and FX1S);
+/// none if the model lacks the kind. An unknown model has the largest number of all models.
+std::vector<Numbers> numbers_of(Model model, Space space);
+/// True if the model has this device.
+bool has_device(Model model, Space space, std::uint32_t number);
 
 /// Returns the bits of `numbers` in their space.
 Span span_of(Space space, Numbers numbers);
@@ -145,7 +163,8 @@ bool needs_type(std::string_view text);
 Result<Span> parse_range(Model model, std::string_view text);
 Result<void> check_range(Model model, const Span& span);
 /// Accepts any bits of a bit device and whole devices of other kinds, but never M8034-M8037 and
-/// M8118 of an FX3 and SM8034-SM8037 of an FX5: they switch RUN and STOP or all outputs.
+/// M8118 of an FX up to the FX3 and SM8034-SM8037 of an FX5: they switch RUN and STOP or all
+/// outputs, or open the program memory.
 Result<void> check_write(Model model, const Span& span);
 
 }  // namespace fxagent::mc

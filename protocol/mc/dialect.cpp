@@ -61,9 +61,9 @@ std::vector<ReadWay> read_ways(const Dialect& dialect, std::uint16_t space_id) {
   if (space_id >= kSpaces) return ways;
   const auto space = static_cast<Space>(space_id);
   const auto numbers = numbers_of(dialect.model, space);
-  if (!numbers || !has_name(dialect, space)) return ways;
+  if (numbers.empty() || !has_name(dialect, space)) return ways;
   const std::uint32_t bits = kind_of(space).bits;
-  const Span run = span_of(space, *numbers);
+  const Span run = span_of(space, numbers.front());
   const Limits limits = limits_of(dialect, has_long_codes(dialect, 0));
   const auto add = [&](std::uint8_t id, std::uint32_t align, std::uint32_t unit,
                        std::uint32_t points, std::uint8_t gather = 0) {

@@ -66,9 +66,9 @@ Result<std::shared_ptr<const Codec>> Mc::make(Frame frame, const Options& option
   settings.frame = frame;
   if (const auto* name = option<std::string>(options, "model"); name && *name != kAutoModel) {
     const auto known = model_named(*name);
-    if (!known || series_of(*known) == Series::fx3)
+    if (!known || is_fx(*known))
       return refuse("no model '" + *name + "' with this frame" +
-                    (known ? "; for an FX3 use mc-1e" : ""));
+                    (known && series_of(*known) == Series::fx3 ? "; for an FX3 use mc-1e" : ""));
     settings.model = *known;
   }
   Route& route = settings.route;
@@ -329,7 +329,7 @@ std::optional<std::string> Mc::model_from(const std::vector<Bytes>& images) cons
 
 std::shared_ptr<const Codec> Mc::with_model(std::string_view model) const {
   const auto known = model_named(model);
-  if (!known || series_of(*known) == Series::fx3) return nullptr;
+  if (!known || is_fx(*known)) return nullptr;
   Settings settings = settings_;
   settings.model = *known;
   return std::make_shared<const Mc>(settings);

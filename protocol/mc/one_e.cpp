@@ -178,7 +178,7 @@ Result<void> check_reach(Model model, const Span& span) {
   if (kind.one_e == 0 || (coil && is_fx3(model)) || (space == Space::s && !is_fx3(model)))
     return refuse(device_name(model, span) + ": 1E frames do not reach " +
                   std::string(kind.letters) + (is_fx3(model) ? " of an FX3" : " of this model"));
-  if (model == Model::unknown_fx3 && is_fx3_only(space))
+  if (model == Model::unknown_fx && is_fx3_only(space))
     return fail(
         ErrorCode::unsupported,
         device_name(model, span) +
@@ -224,10 +224,10 @@ std::vector<ReadWay> OneE::read_ways(std::uint16_t space_id) const {
   if (!check_reach(model, {space_id, 0, 1})) return ways;
   const auto space = static_cast<Space>(space_id);
   // Until the model is known, read only what the smallest FX3 has.
-  const bool known = model != Model::unknown_fx3;
+  const bool known = model != Model::unknown_fx;
   const auto numbers = numbers_of(known ? model : Model::fx3g, space);
-  if (!numbers) return ways;
-  const Span all = span_of(space, *numbers);
+  if (numbers.empty()) return ways;
+  const Span all = span_of(space, numbers.front());
   const std::uint32_t width = kind_of(space).bits;
   const auto add = [&](std::uint8_t way, std::uint32_t unit, std::uint32_t points) {
     ways.push_back({.way = way,
@@ -538,7 +538,7 @@ SpecialDevices OneE::special_devices() const {
 }
 
 Request OneE::run_state() const {
-  if (is_fx3(settings_.model) && settings_.model != Model::unknown_fx3)
+  if (is_fx3(settings_.model) && settings_.model != Model::unknown_fx)
     return Read{span_of(Space::special_m, {8000, 8000}), kBitWay};
   // No device that 1E frames surely reach shows the run state. This read shows that the PLC is
   // there.
@@ -546,7 +546,7 @@ Request OneE::run_state() const {
 }
 
 std::optional<bool> OneE::run_state_from(ByteView image) const {
-  const bool tells = is_fx3(settings_.model) && settings_.model != Model::unknown_fx3;
+  const bool tells = is_fx3(settings_.model) && settings_.model != Model::unknown_fx;
   return tells ? PlcServices::run_state_from(image) : std::nullopt;
 }
 

@@ -25,8 +25,8 @@ namespace fxagent::mc {
 class OneE final : public Codec, public AddressSpace, public PlcServices {
  public:
   struct Settings {
-    /// unknown_fx3, FX3, Q or L.
-    Model model = Model::unknown_fx3;
+    /// unknown_fx, FX3, Q or L.
+    Model model = Model::unknown_fx;
     Code code = Code::binary;
     std::uint8_t pc = 0xFF;  ///< PC number; FF is the connected station
     /// Timer of the module for an answer of the PLC, in units of 250 ms, 1 or more. 0 would wait

@@ -102,10 +102,7 @@ std::optional<FrameDevice> Walk::device_in(ByteView wire) {
   // M8000 up, D8000 up and CN200 up of an FX3 are separate spaces with the same code.
   for (std::uint16_t i = 0; i < kSpaces; ++i) {
     const auto other = static_cast<Space>(i);
-    const auto numbers = numbers_of(model_, other);
-    if (kind_of(other).one_e == code && numbers && numbers->first <= number &&
-        number <= numbers->last)
-      space = other;
+    if (kind_of(other).one_e == code && has_device(model_, other, number)) space = other;
   }
   return FrameDevice{device_name(model_, *space, number), kind_of(*space).bits};
 }

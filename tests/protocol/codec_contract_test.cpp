@@ -33,16 +33,17 @@ struct Sample {
 };
 
 std::vector<Sample> programming_port_samples() {
-  const std::uint16_t d = 10;  // the space of D
-  const std::uint16_t y = 1;
+  const std::uint16_t d = mc::id(mc::Space::d);
+  const std::uint16_t y = mc::id(mc::Space::y);
+  const std::uint16_t special_m = mc::id(mc::Space::special_m);
   const auto late = hex("02 33 34 31 32 03 43 44");
   return {
       {"read of two words", "FX3U", Read{{d, 123 * 16, 32}, 0},
        hex("02 33 34 31 32 43 44 41 42 03 44 37"), Bytes(), hex("FF 00 06 3F")},
       {"extended read of a word", "FX1N", Read{{d, 0, 16}, 1}, hex("02 41 42 31 35 03 45 43"),
        Bytes(), hex("03 30")},
-      {"read of a byte of bits", "FX2N", Read{{3, 0, 8}, 0}, hex("02 30 39 03 36 43"), Bytes(),
-       hex("06")},
+      {"read of a byte of bits", "FX2N", Read{{special_m, 0, 8}, 0}, hex("02 30 39 03 36 43"),
+       Bytes(), hex("06")},
       {"force", "FX3U", Force{y, 0, true}, hex("06"), late, hex("FF 3F"), true},
       {"refused write", "FX3U", Write{{d, 0, 16}, {0xAB, 0x15}}, hex("15"), late, hex("03"), true},
       {"enquiry", "FX3U", Enquire{}, hex("06"), late, hex("3F"), true},
@@ -50,14 +51,15 @@ std::vector<Sample> programming_port_samples() {
 }
 
 std::vector<Sample> computer_link_samples() {
-  const std::uint16_t d = 10;
-  const std::uint16_t m = 2;
+  const std::uint16_t d = mc::id(mc::Space::d);
+  const std::uint16_t m = mc::id(mc::Space::m);
+  const std::uint16_t counters = mc::id(mc::Space::cn32);
   const auto other_station = hex("02 30 31 46 46 35 35 35 35 41 41 41 41 03 43 38");
   const auto late = hex("02 30 30 46 46 31 32 33 34 41 42 43 44 03 43 33");
   return {
       {"read of two words", "FX3U", Read{{d, 0, 32}, 1},
        hex("02 30 30 46 46 31 32 33 34 41 42 43 44 03 43 33"), other_station, hex("FF 3F 03")},
-      {"read of a 32-bit counter", "FX2N", Read{{9, 0, 32}, 1},
+      {"read of a 32-bit counter", "FX2N", Read{{counters, 0, 32}, 1},
        hex("02 30 30 46 46 31 32 33 34 35 36 37 38 03 39 33"), hex("06 30 30 46 46"), hex("0A")},
       {"read of five bits", "FX1S", Read{{m, 0, 5}, 0},
        hex("02 30 30 46 46 30 31 31 30 31 03 45 32"), hex("15 30 31 46 46 30 36"), hex("FF")},

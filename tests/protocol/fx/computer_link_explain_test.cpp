@@ -14,14 +14,14 @@ Explanation explained(Model model, ByteView frame, std::optional<Direction> dire
 }
 
 Explanation explain(std::string_view frame, std::optional<Direction> direction = {}) {
-  return explained(Model::unknown, ascii(frame), direction);
+  return explained(Model::unknown_fx, ascii(frame), direction);
 }
 
 /// Explains a frame of the first character, the text and the correct sum.
 Explanation summed(std::string_view text) {
   Bytes frame = ascii(text);
   append_hex(frame, byte_sum(ByteView(frame).subspan(1)), 2);
-  return explained(Model::unknown, frame, std::nullopt);
+  return explained(Model::unknown_fx, frame, std::nullopt);
 }
 
 TEST(LinkExplanation, NamesEveryFrameOfTheTranscripts) {

@@ -15,7 +15,7 @@ ComputerLink station(Model model = Model::fx3u) { return ComputerLink({.model = 
 
 /// `points` bits or words starting at `address`.
 Span span(std::string_view address, std::uint32_t points) {
-  const auto parsed = parse_address(Model::unknown, address, std::nullopt);
+  const auto parsed = fx::parse_address(Model::unknown_fx, address, std::nullopt);
   EXPECT_TRUE(parsed.has_value()) << address;
   return {parsed->span.space, parsed->span.first_bit, parsed->span.bits * points};
 }
@@ -147,13 +147,14 @@ TEST(ComputerLink, NoWordOfBitsRunsPastTheLastDevice) {
 }
 
 TEST(ComputerLink, AnUnknownModelIsAskedForNothingThatSomeModelLacks) {
-  const auto ways = station(Model::unknown).read_ways(id(Space::m));
+  const auto ways = station(Model::unknown_fx).read_ways(id(Space::m));
   ASSERT_EQ(ways.size(), 1U);
   EXPECT_EQ(ways[0].way, ComputerLink::kBitWay);
   EXPECT_EQ(ways[0].max_bits, 54U);
-  EXPECT_EQ(station(Model::unknown).read_ways(id(Space::d))[0].max_bits, 13U * 16);
-  EXPECT_EQ(station(Model::unknown).with_model("FX3U")->addresses().read_ways(id(Space::m)).size(),
-            2U);
+  EXPECT_EQ(station(Model::unknown_fx).read_ways(id(Space::d))[0].max_bits, 13U * 16);
+  EXPECT_EQ(
+      station(Model::unknown_fx).with_model("FX3U")->addresses().read_ways(id(Space::m)).size(),
+      2U);
 }
 
 TEST(ComputerLink, ABlockLimitLowersReadsAndWrites) {
@@ -188,7 +189,7 @@ TEST(ComputerLink, WritesAreAsLongAsTheModelAllows) {
 }
 
 TEST(ComputerLink, WhateverTheLongestWriteLeavesOverCanBeWritten) {
-  for (const Model model : {Model::fx1s, Model::fx3u, Model::unknown})
+  for (const Model model : {Model::fx1s, Model::fx3u, Model::unknown_fx})
     for (const Space space : {Space::m, Space::ts, Space::d, Space::cn}) {
       const auto codec = station(model);
       const std::uint32_t unit = kind_of(space).bits == 1 ? 8 : 16;
@@ -269,7 +270,7 @@ TEST(ComputerLink, ExtensionRegistersGoByTheQCommands) {
   const Request read = Read{span("R5", 2), ComputerLink::kWordWay};
   EXPECT_EQ(codec.line_length(read).request_chars, codec.encode(read, 0)->size());
   EXPECT_EQ(codec.read_ways(id(Space::r))[0].max_bits, 64U * 16);
-  for (const Model model : {Model::unknown, Model::fx2n, Model::fx3s})
+  for (const Model model : {Model::unknown_fx, Model::fx2n, Model::fx3s})
     EXPECT_TRUE(station(model).read_ways(id(Space::r)).empty());
 }
 
@@ -479,7 +480,7 @@ TEST(ComputerLink, NothingAnswersAnEot) {
 // ---- the PLC itself ----------------------------------------------------------------------------
 
 TEST(ComputerLink, TheModelIsToldByItsCode) {
-  const auto codec = station(Model::unknown);
+  const auto codec = station(Model::unknown_fx);
   const auto questions = codec.identify();
   ASSERT_EQ(questions.size(), 1U);
   EXPECT_EQ(good(data("00FFF3"), questions[0]).image, Bytes{0xF3});

@@ -22,7 +22,7 @@ Explanation explained(Model model, ByteView frame, std::optional<Direction> dire
   return ProgrammingPort({.model = model}).explain(frame, direction);
 }
 
-Explanation explain(std::string_view payload, Model model = Model::unknown,
+Explanation explain(std::string_view payload, Model model = Model::unknown_fx,
                     std::optional<Direction> direction = {}) {
   return explained(model, frame(payload), direction);
 }
@@ -139,7 +139,7 @@ TEST(Explanation, AnAnswerShowsItsWordsOrTheBitsOfItsBytes) {
 
 TEST(Explanation, SingleCharactersHaveOneDirection) {
   const auto one = [](const char* text, std::optional<Direction> direction = {}) {
-    return explained(Model::unknown, hex(text), direction);
+    return explained(Model::unknown_fx, hex(text), direction);
   };
   EXPECT_EQ(one("05").operation, "enquire");
   EXPECT_EQ(one("05").direction, Direction::request);
@@ -159,7 +159,7 @@ std::string error(const Explanation& out) {
 
 TEST(Explanation, WhatIsNotAFrameSaysWhy) {
   const auto bytes = [](const char* text) {
-    return error(explained(Model::unknown, hex(text), std::nullopt));
+    return error(explained(Model::unknown_fx, hex(text), std::nullopt));
   };
   EXPECT_EQ(bytes(""), "no bytes");
   EXPECT_EQ(bytes("30 31"), "the frame does not begin with STX (02)");
@@ -170,7 +170,7 @@ TEST(Explanation, WhatIsNotAFrameSaysWhy) {
   EXPECT_EQ(bytes("02 30 31 03 36 47"), "sum 36 47 given, 64 computed");
   EXPECT_EQ(error(explain("")), "the payload is not hex digits");
   EXPECT_EQ(error(explain("01G")), "the payload is not hex digits");
-  EXPECT_EQ(error(explain("GG", Model::unknown, Direction::reply)),
+  EXPECT_EQ(error(explain("GG", Model::unknown_fx, Direction::reply)),
             "the payload is not hex digits");
 }
 
@@ -180,11 +180,11 @@ TEST(Explanation, ARequestThatContradictsItselfSaysWhere) {
   EXPECT_EQ(error(explain("010F60400")), "2 data digits follow, 0 expected");
   EXPECT_EQ(error(explain("010F600")), "a byte count of 0");
   const auto request = [](std::string_view payload) {
-    return error(explain(payload, Model::unknown, Direction::request));
+    return error(explain(payload, Model::unknown_fx, Direction::request));
   };
   EXPECT_EQ(request("7000"), "a force has four digits of address, not 3");
   EXPECT_EQ(request("2"), "'2' is not a request of this protocol");
-  EXPECT_EQ(error(explain("012", Model::unknown, Direction::reply)),
+  EXPECT_EQ(error(explain("012", Model::unknown_fx, Direction::reply)),
             "an odd number of digits (3); data are two for each byte");
 }
 

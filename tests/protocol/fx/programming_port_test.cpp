@@ -18,7 +18,7 @@ ProgrammingPort port(Model model = Model::fx3u, Commands commands = Commands::au
 }
 
 Span span(std::string_view address, std::uint32_t bytes) {
-  const auto parsed = parse_address(Model::unknown, address, std::nullopt);
+  const auto parsed = fx::parse_address(Model::unknown_fx, address, std::nullopt);
   EXPECT_TRUE(parsed.has_value()) << address;
   const std::uint32_t first = parsed->span.first_bit;
   return {parsed->span.space, first - first % 8, bytes * 8};
@@ -38,7 +38,7 @@ std::optional<Request> request_of(const test::Exchange& e) {
   if (e.operation == "read") return Read{span(e.device, e.bytes), way};
   if (e.operation == "write") return Write{span(e.device, e.bytes), e.image};
   if (e.operation != "force_on" && e.operation != "force_off") return std::nullopt;
-  const auto address = parse_address(Model::unknown, e.device, std::nullopt);
+  const auto address = fx::parse_address(Model::unknown_fx, e.device, std::nullopt);
   return Force{address->span.space, address->span.first_bit, e.operation == "force_on"};
 }
 
@@ -68,7 +68,7 @@ TEST(ProgrammingPort, TheWordThatWasPrintedAs3584Is33845) {
   EXPECT_EQ(error_of(port().decode(read, 0, hex("02 33 35 38 34 03 44 36"))).text,
             "sum D6 given, D7 computed");
   const auto right = port().decode(read, 0, hex("02 33 35 38 34 03 44 37"));
-  const Point point{.address = *parse_address(Model::fx3u, "D123", std::nullopt),
+  const Point point{.address = *fx::parse_address(Model::fx3u, "D123", std::nullopt),
                     .type = DataType::uint16};
   EXPECT_EQ(unpack(point, (*right)->image, read.span.first_bit), Value(std::int64_t{33845}));
 }
@@ -86,14 +86,14 @@ TEST(ProgrammingPort, ClassicCommandsAreTakenWhereverTheyReach) {
 }
 
 TEST(ProgrammingPort, AnUnknownModelIsSpokenToInClassicCommandsOnly) {
-  const auto codec = port(Model::unknown);
+  const auto codec = port(Model::unknown_fx);
   for (const ReadWay& way : codec.read_ways(id(Space::d))) EXPECT_EQ(way.way, 0);
   EXPECT_EQ(codec.read_ways(id(Space::d)).size(), 1U);
   const auto error = error_of(codec.encode(Write{span("D1024", 2), {1, 2}}, 0));
   EXPECT_EQ(error.code, ErrorCode::unsupported);
   expect_says(error.text, "the model is not known");
   EXPECT_EQ(codec.with_model("FX3U")->addresses().read_ways(id(Space::d)).size(), 2U);
-  EXPECT_TRUE(port(Model::unknown, Commands::extended).read_ways(id(Space::d)).empty());
+  EXPECT_TRUE(port(Model::unknown_fx, Commands::extended).read_ways(id(Space::d)).empty());
 }
 
 TEST(ProgrammingPort, ClassicIsTierZeroAndExtendedTierOne) {
@@ -359,7 +359,7 @@ TEST(ProgrammingPort, ARequestThatCannotBeSentHasNoAnswer) {
 // ---- the PLC itself ----------------------------------------------------------------------------
 
 TEST(ProgrammingPort, TheModelIsAskedForInClassicCommands) {
-  for (const auto& codec : {port(Model::unknown), port(Model::unknown, Commands::extended)}) {
+  for (const auto& codec : {port(Model::unknown_fx), port(Model::unknown_fx, Commands::extended)}) {
     const auto requests = codec.identify();
     ASSERT_EQ(requests.size(), 2U);
     EXPECT_EQ(*codec.encode(requests[0], 0), hex("02 30 30 45 30 32 30 32 03 36 43"));
@@ -372,7 +372,7 @@ Bytes word(std::uint32_t value) {
 }
 
 TEST(ProgrammingPort, TheModelIsToldByTheTypeInD8001AndD8101) {
-  const auto codec = port(Model::unknown);
+  const auto codec = port(Model::unknown_fx);
   const auto model = [&](const std::vector<Bytes>& images) {
     return codec.model_from(images).value_or("?");
   };
@@ -388,7 +388,7 @@ TEST(ProgrammingPort, TheModelIsToldByTheTypeInD8001AndD8101) {
 }
 
 TEST(ProgrammingPort, AModelThatCannotBeToldApartStaysUnknown) {
-  const auto codec = port(Model::unknown);
+  const auto codec = port(Model::unknown_fx);
   // GX Works2 takes D8101 = 0 for an FX3U. A clone with this value may use the map of an FX2N.
   EXPECT_EQ(codec.model_from({word(24241), word(0)}), std::nullopt);
   EXPECT_EQ(codec.model_from({word(20100), word(0)}), std::nullopt);
@@ -398,7 +398,7 @@ TEST(ProgrammingPort, AModelThatCannotBeToldApartStaysUnknown) {
 }
 
 TEST(ProgrammingPort, AFoundModelKeepsTheOtherSettings) {
-  const auto found = port(Model::unknown, Commands::extended, 254).with_model("FX3G");
+  const auto found = port(Model::unknown_fx, Commands::extended, 254).with_model("FX3G");
   ASSERT_NE(found, nullptr);
   EXPECT_EQ(model_of(*found), "FX3G");
   EXPECT_EQ(found->addresses().read_ways(id(Space::d))[0].max_bits, 2032U);
@@ -412,7 +412,7 @@ TEST(ProgrammingPort, RunIsReadFromTheByteOfM8000) {
     return *codec.encode(codec.run_state(), 0);
   };
   EXPECT_EQ(frame(port()), ascii("<001E001>6A"));
-  EXPECT_EQ(frame(port(Model::unknown, Commands::extended)), ascii("<001E001>6A"));
+  EXPECT_EQ(frame(port(Model::unknown_fx, Commands::extended)), ascii("<001E001>6A"));
   EXPECT_EQ(frame(port(Model::fx1n, Commands::extended)), ascii("<E0001C001>DD"));
   EXPECT_EQ(frame(port(Model::fx3u, Commands::extended)), ascii("<E008C0001>E4"));
   EXPECT_EQ(port().probe(0), port().run_state());

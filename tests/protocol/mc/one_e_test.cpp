@@ -244,7 +244,7 @@ TEST(OneE, APlanReadsBitsByWhatTakesFewerExchanges) {
 // ---- an unknown model --------------------------------------------------------------------------
 
 TEST(OneE, AnUnknownModelIsAskedForNothingThatAnotherSeriesHasElsewhere) {
-  const auto unknown = plc(Model::unknown_fx3);
+  const auto unknown = plc(Model::unknown_fx);
   for (const Space space : {Space::x, Space::y, Space::special_m, Space::special_d, Space::cn32}) {
     EXPECT_TRUE(unknown.read_ways(id(space)).empty());
     EXPECT_EQ(unknown.max_write_bits(id(space)), 0U);
@@ -265,7 +265,7 @@ TEST(OneE, AnUnknownModelIsAskedForNothingThatAnotherSeriesHasElsewhere) {
 }
 
 TEST(OneE, TheModelIsToldByItsCode) {
-  const auto codec = plc(Model::unknown_fx3);
+  const auto codec = plc(Model::unknown_fx);
   const auto model = [&](std::uint8_t code) { return codec.model_from({{code, 0}}).value_or("?"); };
   EXPECT_EQ(model(0xF3), "FX3U");
   EXPECT_EQ(model(0xF4), "FX3G");

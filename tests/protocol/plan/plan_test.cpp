@@ -169,7 +169,7 @@ TEST_F(PlanOfAnFx3u, AValueThatCrossesTheClassicReachIsReadWholeByTheExtendedSet
 }
 
 TEST(Plan, WhatNoWayReachesIsListedAndTheRestIsRead) {
-  const ProgrammingPort codec({Model::unknown});
+  const ProgrammingPort codec({Model::unknown_fx});
   std::vector<Point> points = {device(codec, "D2000"), device(codec, "D5")};
   points.push_back(words(0));
   points.back().address.span.space = 99;

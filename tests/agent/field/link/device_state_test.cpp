@@ -137,7 +137,7 @@ TEST(DeviceState, OtherReasonOfTheSameStateKeepsItsBeginning) {
 }
 
 TEST(DeviceState, ReasonsHaveTheirOrder) {
-  DeviceState state(0, *port_codec(fx::Model::unknown), 1000);
+  DeviceState state(0, *port_codec(fx::Model::unknown_fx), 1000);
   state.answered();
   state.set_model(std::nullopt);
   DeviceState::Facts facts{.silent = true, .first_bad = BadReason::nak};
@@ -157,7 +157,7 @@ TEST(DeviceState, ReasonsHaveTheirOrder) {
 
 TEST(DeviceState, ModelThatIsFoundWhileTheDeviceIsOnlineIsTold) {
   // A command was answered first, so the device is online before its model is requested.
-  DeviceState state(0, *port_codec(fx::Model::unknown), 1000);
+  DeviceState state(0, *port_codec(fx::Model::unknown_fx), 1000);
   EXPECT_FALSE(state.is_model_known());
   state.answered();
   state.update(bus_is_open(), 1100);
@@ -169,7 +169,7 @@ TEST(DeviceState, ModelThatIsFoundWhileTheDeviceIsOnlineIsTold) {
 }
 
 TEST(DeviceState, SilenceForgetsTheRunStateAndAModelThatWasAsked) {
-  DeviceState asked(0, *port_codec(fx::Model::unknown), 1000);
+  DeviceState asked(0, *port_codec(fx::Model::unknown_fx), 1000);
   asked.answered();
   asked.set_model("FX3U");
   asked.set_run(true);
@@ -207,7 +207,7 @@ TEST(DeviceState, PlcThatNamesNoModelIsNotAskedAgain) {
   state.compare_model(std::nullopt);
   state.fell_silent();
   EXPECT_FALSE(state.compares_model());
-  EXPECT_FALSE(DeviceState(0, *port_codec(fx::Model::unknown), 1000).compares_model());
+  EXPECT_FALSE(DeviceState(0, *port_codec(fx::Model::unknown_fx), 1000).compares_model());
   EXPECT_FALSE(DeviceState(0, *codec_of("modbus-rtu"), 1000).compares_model());
 }
 

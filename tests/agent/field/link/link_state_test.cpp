@@ -215,7 +215,7 @@ TEST_F(LinkStateTest, WhereNobodyAnswersTheStateIsToldOnce) {
 }
 
 TEST_F(LinkStateOnSerial, ModelIsAskedAgainAfterALoss) {
-  config.devices[0].codec = port_codec(fx::Model::unknown);
+  config.devices[0].codec = port_codec(fx::Model::unknown_fx);
   devices[0] = std::make_unique<LinkDevice>(config.devices.shared(0), 0);
   devices[0]->id = 0;
   open();

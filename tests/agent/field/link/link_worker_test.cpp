@@ -418,7 +418,7 @@ TEST_F(LinkWorkerTest, LinkThatWillNotOpenMakesEveryTagBadAndLeavesTheThreadFree
 }
 
 TEST_F(LinkWorkerTest, GroupThatNoWayReachesLeavesTheThreadFree) {
-  config.devices[0] = press("press1", port_codec(fx::Model::unknown));
+  config.devices[0] = press("press1", port_codec(fx::Model::unknown_fx));
   config.devices[0].tags[0] = tag(*config.devices[0].codec, "far", "D7000");
   plc.set(kD8001, word(24310));
   plc.set(kD8101, word(0));  // neither an FX2N nor an FX3U
@@ -1155,7 +1155,7 @@ TEST_F(LinkWorkerTest, BoundCountsTheEnquiryThatIsStillToCome) {
 }
 
 TEST_F(LinkWorkerTest, BoundCountsTheQuestionsAboutTheModelBeforeARead) {
-  config.devices[0] = press("press1", port_codec(fx::Model::unknown));
+  config.devices[0] = press("press1", port_codec(fx::Model::unknown_fx));
   config.devices[0].groups[0].interval = milliseconds(5);
   add_tag("far", "D7000");
   config.links[0].char_time = milliseconds(8);

@@ -254,7 +254,7 @@ TEST_F(PortPolls, PlcOfAnotherModelThanTheConfigsIsLoggedAndToldOnce) {
 // ---- a PLC without a configured model ----------------------------------------------------------
 
 struct ModelPolls : PortPolls {
-  ModelPolls() : PortPolls(fx::Model::unknown) {
+  ModelPolls() : PortPolls(fx::Model::unknown_fx) {
     add_tag("far", "D7000");
     plc.set(kD8001, word(24310));
     plc.set(kD8101, word(16310));
