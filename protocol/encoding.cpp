@@ -20,6 +20,18 @@ bool is_hex(ByteView wire) {
   return std::ranges::all_of(wire, [](std::uint8_t c) { return hex_digit(c) >= 0; });
 }
 
+Result<Bytes> bytes_in(ByteView digits) {
+  Bytes bytes;
+  bytes.reserve(digits.size() / 2);
+  for (std::size_t at = 0; at + 2 <= digits.size(); at += 2) {
+    const ByteView pair = digits.subspan(at, 2);
+    const int byte = hex_byte(pair);
+    if (byte < 0) return garbled("data " + to_hex(pair) + " is not two hex digits");
+    bytes.push_back(static_cast<std::uint8_t>(byte));
+  }
+  return bytes;
+}
+
 std::string why_wrong_sum(ByteView given, ByteView bytes) {
   const int sum = hex_byte(given);
   if (sum < 0) return "sum " + to_hex(given) + " is not two hex digits";

@@ -32,6 +32,9 @@ enum class NumberForm : std::uint8_t { digits, high_first, low_first };
 std::optional<std::uint32_t> number_in(NumberForm form, ByteView wire);
 /// True if all of `wire` are hex digits.
 bool is_hex(ByteView wire);
+/// Returns the bytes that pairs of hex digits spell, without a single last digit. Error: bad_frame
+/// quotes the first pair that is not hex.
+Result<Bytes> bytes_in(ByteView digits);
 /// Returns why the two characters are not the hex digits of byte_sum(bytes); empty if they are.
 std::string why_wrong_sum(ByteView given, ByteView bytes);
 

@@ -5,7 +5,7 @@
 
 #include "protocol/checklist.h"
 #include "protocol/encoding.h"
-#include "protocol/mc/dialect.h"
+#include "protocol/mc/body.h"
 #include "protocol/mc/serial_frame.h"
 
 namespace fxagent::fx {
@@ -40,36 +40,13 @@ std::uint32_t data_chars(const Request& request) {
   return read->way == ComputerLink::kBitWay ? read->span.bits : read->span.bits / 4;
 }
 
-Result<Bytes> bits_of(ByteView data) {
-  Bytes image((data.size() + 7) / 8);
-  for (std::size_t i = 0; i < data.size(); ++i) {
-    if (data[i] != '0' && data[i] != '1')
-      return garbled("data " + to_hex(data.subspan(i, 1)) + " is neither 0 nor 1");
-    if (data[i] == '1') image[i / 8] |= static_cast<std::uint8_t>(1U << (i % 8));
-  }
-  return image;
-}
-
-/// Converts numbers of `width` bytes, most significant digit first, to an image with the low byte
-/// first.
-Result<Bytes> numbers_in(ByteView data, std::size_t width) {
-  Bytes image(data.size() / 2);
-  for (std::size_t i = 0; i < image.size(); ++i) {
-    const int byte = hex_byte(data.subspan(2 * i, 2));
-    if (byte < 0)
-      return garbled("data " + to_hex(data.subspan(2 * i, 2)) + " is not two hex digits");
-    const std::size_t number = i / width * width;
-    image[number + width - 1 - (i - number)] = static_cast<std::uint8_t>(byte);
-  }
-  return image;
-}
-
 Result<Bytes> image_of(const Request& request, ByteView data) {
   const auto* read = std::get_if<Read>(&request);
-  if (read == nullptr) return numbers_in(data, 1);
-  if (read->way == ComputerLink::kBitWay) return bits_of(data);
+  if (read == nullptr) return bytes_in(data);
+  if (read->way == ComputerLink::kBitWay)
+    return mc::bits_in(mc::Code::ascii, data, read->span.bits);
   const std::uint32_t bits = kind_of(static_cast<Space>(read->span.space)).bits;
-  return numbers_in(data, std::max<std::uint32_t>(bits, 16) / 8);
+  return mc::image_in(mc::Code::ascii, data, std::max<std::uint32_t>(bits, 16) / 8);
 }
 
 }  // namespace

@@ -85,15 +85,10 @@ Decoded data_reply(ByteView rx, FramePlace at, std::size_t bytes) {
   if (payload.size() != bytes * 2)
     return garbled(std::to_string(payload.size()) + " data digits given, " +
                    std::to_string(bytes * 2) + " expected");
-  Reply reply{
-      .kind = Reply::Kind::data, .image = Bytes(bytes), .began = at.begin, .consumed = at.end};
-  for (std::size_t i = 0; i < bytes; ++i) {
-    const ByteView digits = payload.subspan(2 * i, 2);
-    const int byte = hex_byte(digits);
-    if (byte < 0) return garbled("data " + to_hex(digits) + " is not two hex digits");
-    reply.image[i] = static_cast<std::uint8_t>(byte);
-  }
-  return reply;
+  auto image = bytes_in(payload);
+  if (!image) return fail(image);
+  return Reply{
+      .kind = Reply::Kind::data, .image = std::move(*image), .began = at.begin, .consumed = at.end};
 }
 
 /// Decodes an answer with data. Skips an echo of the request, which is never an answer.

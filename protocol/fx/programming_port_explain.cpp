@@ -39,7 +39,7 @@ class RequestWalk final : public FrameWalk {
   }
 
   void data(const Field& field) {
-    const Bytes image = from_hex(as_text(left_)).value_or(Bytes{});
+    const Bytes image = *bytes_in(left_);
     const std::uint32_t bits = area_ != nullptr ? kind_of(area_->space).bits : 16;
     const bool halves = bits == 32 && image.size() % 4 != 0;
     add_values(out_, NumberForm::low_first, image, bits == 1 ? 2 : halves ? 4 : bits / 4, bits);
@@ -158,7 +158,7 @@ Explanation explain_answer(ByteView payload) {
   if (payload.size() % 2 != 0)
     return wrong(out, "an odd number of digits (" + std::to_string(payload.size()) +
                           "); data are two for each byte");
-  const Bytes image = from_hex(as_text(payload)).value_or(Bytes{});
+  const Bytes image = *bytes_in(payload);
   // Whole words may also be bits: the reply does not contain the kind of its devices.
   const bool words = image.size() % 2 == 0;
   add_values(out, NumberForm::low_first, image, words ? 4 : 2, words ? 16 : 1);

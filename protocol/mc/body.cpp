@@ -1,6 +1,7 @@
 #include "protocol/mc/body.h"
 
 #include <algorithm>
+#include <span>
 
 namespace fxagent::mc {
 namespace {
@@ -31,14 +32,10 @@ void append_image(Code code, Bytes& out, ByteView image, std::size_t value_bytes
 
 Result<Bytes> image_in(Code code, ByteView wire, std::size_t value_bytes) {
   if (code == Code::binary) return Bytes(wire.begin(), wire.end());
-  Bytes image;
-  image.reserve(wire.size() / 2);
-  for (std::size_t at = 0; at + 2 * value_bytes <= wire.size(); at += 2 * value_bytes) {
-    const auto value = number_at(code, wire, at, value_bytes);
-    if (!value)
-      return garbled("data " + to_hex(wire.subspan(at, 2 * value_bytes)) + " are not hex digits");
-    append_number(Code::binary, image, *value, value_bytes);
-  }
+  auto image = bytes_in(wire);
+  if (!image) return image;
+  for (std::span left(*image); left.size() >= value_bytes; left = left.subspan(value_bytes))
+    std::ranges::reverse(left.first(value_bytes));
   return image;
 }
 
@@ -58,7 +55,7 @@ Result<Bytes> bits_in(Code code, ByteView wire, std::uint32_t bits) {
     const std::uint8_t byte = code == Code::ascii ? wire[i] : wire[i / 2];
     const int value = code == Code::ascii ? byte - '0' : (i % 2 == 0 ? byte >> 4 : byte & 0x0F);
     if (value != 0 && value != 1)
-      return garbled("data " + to_hex(ByteView(&byte, 1)) + " where bits are 0 and 1");
+      return garbled("data " + to_hex(ByteView(&byte, 1)) + " is neither 0 nor 1");
     if (value == 1) image[i / 8] |= static_cast<std::uint8_t>(1U << (i % 8));
   }
   return image;

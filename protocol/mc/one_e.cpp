@@ -375,11 +375,7 @@ namespace one_e {
 
 std::optional<Bytes> from_ascii(ByteView frame) {
   if (!is_hex(frame)) return std::nullopt;
-  Bytes bytes;
-  bytes.reserve(frame.size() / 2);
-  for (std::size_t i = 0; i + 1 < frame.size(); i += 2)
-    bytes.push_back(static_cast<std::uint8_t>(hex_byte(frame.subspan(i, 2))));
-  return bytes;
+  return *bytes_in(frame);
 }
 
 std::string_view model_coded(int model_code) {

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "protocol/encoding.h"
+
 namespace fxagent::modbus {
 namespace {
 
@@ -111,14 +113,10 @@ Frame ascii_frame(ByteView rx, std::size_t at) {
   for (auto again = colon; again != cr; again = std::find(again + 1, cr, ':')) colon = again;
   const auto end = static_cast<std::size_t>(cr - rx.begin()) + 2;
   if (cr[1] != '\n') return wrong(end, "CR without LF");
-  Bytes bytes;
   if ((cr - colon - 1) % 2 != 0) return wrong(end, "an odd number of hex digits");
-  for (auto digit = colon + 1; digit != cr; digit += 2) {
-    const ByteView digits(&*digit, 2);
-    const int byte = hex_byte(digits);
-    if (byte < 0) return wrong(end, to_hex(digits) + " is not two hex digits");
-    bytes.push_back(static_cast<std::uint8_t>(byte));
-  }
+  const auto digits = bytes_in(ByteView(colon + 1, cr));
+  if (!digits) return wrong(end, digits.error().text);
+  const Bytes& bytes = *digits;
   if (bytes.size() < 3) return wrong(end, "too short for unit, function and LRC");
   Frame frame;
   frame.unit = bytes.front();

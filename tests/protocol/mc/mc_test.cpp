@@ -109,7 +109,7 @@ TEST(Mc3E, ErrorInformationInAsciiIsReadAsDigits) {
   EXPECT_EQ(reply.device_code, 0xC051);
   EXPECT_EQ(answer(mc, kTwoWords, bytes("d00000ff03ff000004c056")).device_code, 0xC056);
   expect_says(error_of(mc.decode(kTwoWords, 1, bytes("D00000FF03FF00000C0000123456XY"))).text,
-              "not hex digits");
+              "not two hex digits");
   EXPECT_FALSE(mc.decode(kTwoWords, 1, bytes("D00000FF03FF00000C00X012345678")));
   EXPECT_FALSE(mc.decode(kTwoWords, 1, bytes("D00000FF0XFF00000C000012345678")));
   EXPECT_EQ(answer(mc, kTwoWords, bytes("D00000FF03FF00000C00001234abcd")).image,
@@ -122,7 +122,7 @@ TEST(Mc3E, BitsThatAreNeitherZeroNorOneAreNoValue) {
   EXPECT_EQ(answer(mc, bits, hex("D0 00 00 FF FF 03 00 04 00 00 00 10 10")).image, hex("05"));
   // The padding after an odd count may have any value.
   EXPECT_EQ(answer(mc, bits, hex("D0 00 00 FF FF 03 00 04 00 00 00 10 1F")).image, hex("05"));
-  expect_says(fault(mc, bits, "D0 00 00 FF FF 03 00 04 00 00 00 12 00"), "bits are 0 and 1");
+  expect_says(fault(mc, bits, "D0 00 00 FF FF 03 00 04 00 00 00 12 00"), "neither 0 nor 1");
 }
 
 TEST(Mc3E, AfterSilenceTheConnectionEndsForAnAnswerHasNoNumber) {
