@@ -16,19 +16,17 @@ constexpr std::array<std::string_view, 1> kKinNames = {"FX5UC"};
 constexpr std::array<std::string_view, 4> kOneENames = {"Q", "L", "FX3G", "FX3U"};
 constexpr std::array<std::string_view, 3> kOneEKinNames = {"FX3GC", "FX3GE", "FX3UC"};
 
-struct Named {
+/// A further name of a model.
+struct Kin {
   std::string_view name;
   Model model;
 };
-// A model's own name precedes those of its kin, and a model precedes its form reached by 1E.
-constexpr auto kModels =
-    std::to_array<Named>({{"FX0N", Model::fx0n},  {"FX1S", Model::fx1s},  {"FX1N", Model::fx1n},
-                          {"FX1NC", Model::fx1n}, {"FX2N", Model::fx2n},  {"FX2NC", Model::fx2n},
-                          {"FX3S", Model::fx3s},  {"FX3G", Model::fx3g},  {"FX3GC", Model::fx3g},
-                          {"FX3GE", Model::fx3g}, {"FX3U", Model::fx3u},  {"FX3UC", Model::fx3u},
-                          {"FX5U", Model::fx5u},  {"FX5UC", Model::fx5u}, {"FX5UJ", Model::fx5uj},
-                          {"FX5S", Model::fx5s},  {"Q", Model::q},        {"L", Model::l},
-                          {"iQ-R", Model::iq_r},  {"Q", Model::q_by_1e},  {"L", Model::l_by_1e}});
+constexpr std::array<Kin, 6> kKin = {{{"FX1NC", Model::fx1n},
+                                      {"FX2NC", Model::fx2n},
+                                      {"FX3GC", Model::fx3g},
+                                      {"FX3GE", Model::fx3g},
+                                      {"FX3UC", Model::fx3u},
+                                      {"FX5UC", Model::fx5u}}};
 
 constexpr auto kDec = Numbering::decimal;
 constexpr auto kHex = Numbering::hexadecimal;
@@ -82,98 +80,81 @@ constexpr std::array<DeviceKind, kSpaces> kKinds = {{
 /// Number of devices, including those before the first number of the space.
 struct Counts {
   std::uint32_t fx0n = 0, fx1s = 0, fx1n = 0, fx2n = 0, fx3s = 0, fx3g = 0, fx3u = 0;
-  std::uint32_t iq_f = 0, q_l = 0, iq_r = 0;
+  std::uint32_t iq_f = 0, q_l = 0, by_1e = 0, iq_r = 0;
 };
 // FX0N to FX2N: JY992D69901, 7.7.2. FX3G and FX3U: tables of JY997D45801 and JY997D18101. DX and DY
 // of Q and L: as ascii_base_of(). The others are from product knowledge, unverified. An iQ-R has at
-// most 10117632 words of device memory; each count assumes that all are of one kind.
+// most 10117632 words of device memory; each count assumes that all are of one kind. by_1e: the
+// devices of a Q or L that 1E frames reach, Q03UD(E) user's manual, 5.1.2, without D9000 and M9000
+// up, which 1E maps to SD1000 and SM1000 up.
 constexpr std::array<Counts, kSpaces> kCounts = {{
-    {0200, 020, 0200, 0270, 0200, 0200, 0400, 02000, 0x2000, 0x3000},   // X
-    {0200, 016, 0200, 0270, 0200, 0200, 0400, 02000, 0x2000, 0x3000},   // Y
-    {0, 0, 0, 0, 0, 0, 0, 0, 0x1000, 0x3000},                           // DX
-    {0, 0, 0, 0, 0, 0, 0, 0, 0x1000, 0x3000},                           // DY
-    {512, 512, 1536, 3072, 1536, 7680, 7680, 32768, 61440, 161882112},  // M
-    {8256, 8256, 8256, 8256, 8512, 8512, 8512, 0, 0, 0},                // M8000
-    {0, 0, 0, 0, 0, 0, 0, 32768, 32768, 32768},                         // L
-    {0, 0, 0, 0, 0, 0, 0, 32768, 32768, 32768},                         // F
-    {0, 0, 0, 0, 0, 0, 0, 0, 32768, 32768},                             // V
-    {0, 0, 0, 0, 0, 0, 0, 0x8000, 0xF000, 0x9A62000},                   // B
-    {0, 0, 0, 0, 0, 0, 0, 0x8000, 0x8000, 0x9A62000},                   // SB
-    {128, 128, 1000, 1000, 256, 4096, 4096, 4096, 8192, 16384},         // S
-    {0, 0, 0, 0, 0, 0, 0, 10000, 2048, 4096},                           // SM
-    {64, 64, 256, 256, 138, 320, 512, 1024, 32768, 8993440},            // TS
-    {64, 64, 256, 256, 138, 320, 512, 1024, 32768, 8993440},            // TC
-    {64, 64, 256, 256, 138, 320, 512, 1024, 32768, 8993440},            // TN
-    {0, 0, 0, 0, 0, 0, 0, 1024, 32768, 8993440},                        // STS
-    {0, 0, 0, 0, 0, 0, 0, 1024, 32768, 8993440},                        // STC
-    {0, 0, 0, 0, 0, 0, 0, 1024, 32768, 8993440},                        // STN
-    {255, 256, 256, 256, 256, 256, 256, 1024, 32768, 8993440},          // CS
-    {255, 256, 256, 256, 256, 256, 256, 1024, 32768, 8993440},          // CC
-    {32, 32, 200, 200, 200, 200, 200, 1024, 32768, 8993440},            // CN
-    {255, 256, 256, 256, 256, 256, 256, 0, 0, 0},                       // CN200
-    {0, 0, 0, 0, 0, 0, 0, 1024, 0, 4761120},                            // LCS
-    {0, 0, 0, 0, 0, 0, 0, 1024, 0, 4761120},                            // LCC
-    {0, 0, 0, 0, 0, 0, 0, 1024, 0, 4761120},                            // LCN
-    {0, 0, 0, 0, 0, 0, 0, 0, 0, 2529408},                               // LTN
-    {0, 0, 0, 0, 0, 0, 0, 0, 0, 2529408},                               // LSTN
-    {256, 256, 8000, 8000, 3000, 8000, 8000, 8000, 4184064, 10117632},  // D
-    {8256, 8256, 8256, 8256, 8512, 8512, 8512, 0, 0, 0},                // D8000
-    {0, 0, 0, 0, 0, 0, 0, 0x8000, 4184064, 10117632},                   // W
-    {0, 0, 0, 0, 0, 0, 0, 0x8000, 0x8000, 10117632},                    // SW
-    {0, 0, 0, 0, 0, 0, 0, 12000, 2048, 4096},                           // SD
-    {0, 0, 0, 0, 0, 24000, 32768, 32768, 32768, 32768},                 // R
-    {0, 0, 0, 0, 0, 0, 0, 0, 4184064, 10027008},                        // ZR
-    {0, 0, 0, 0, 0, 0, 0, 0, 0, 524288},                                // RD
-    {0, 0, 0, 0, 0, 0, 0, 24, 20, 24},                                  // Z
-    {0, 0, 0, 0, 0, 0, 0, 12, 0, 12},                                   // LZ
+    {0200, 020, 0200, 0270, 0200, 0200, 0400, 02000, 0x2000, 0x800, 0x3000},  // X
+    {0200, 016, 0200, 0270, 0200, 0200, 0400, 02000, 0x2000, 0x800, 0x3000},  // Y
+    {0, 0, 0, 0, 0, 0, 0, 0, 0x1000, 0x1000, 0x3000},                         // DX
+    {0, 0, 0, 0, 0, 0, 0, 0, 0x1000, 0x1000, 0x3000},                         // DY
+    {512, 512, 1536, 3072, 1536, 7680, 7680, 32768, 61440, 8192, 161882112},  // M
+    {8256, 8256, 8256, 8256, 8512, 8512, 8512, 0, 0, 0, 0},                   // M8000
+    {0, 0, 0, 0, 0, 0, 0, 32768, 32768, 32768, 32768},                        // L
+    {0, 0, 0, 0, 0, 0, 0, 32768, 32768, 2048, 32768},                         // F
+    {0, 0, 0, 0, 0, 0, 0, 0, 32768, 32768, 32768},                            // V
+    {0, 0, 0, 0, 0, 0, 0, 0x8000, 0xF000, 0x1000, 0x9A62000},                 // B
+    {0, 0, 0, 0, 0, 0, 0, 0x8000, 0x8000, 0x8000, 0x9A62000},                 // SB
+    {128, 128, 1000, 1000, 256, 4096, 4096, 4096, 8192, 8192, 16384},         // S
+    {0, 0, 0, 0, 0, 0, 0, 10000, 2048, 2048, 4096},                           // SM
+    {64, 64, 256, 256, 138, 320, 512, 1024, 32768, 2048, 8993440},            // TS
+    {64, 64, 256, 256, 138, 320, 512, 1024, 32768, 2048, 8993440},            // TC
+    {64, 64, 256, 256, 138, 320, 512, 1024, 32768, 2048, 8993440},            // TN
+    {0, 0, 0, 0, 0, 0, 0, 1024, 32768, 32768, 8993440},                       // STS
+    {0, 0, 0, 0, 0, 0, 0, 1024, 32768, 32768, 8993440},                       // STC
+    {0, 0, 0, 0, 0, 0, 0, 1024, 32768, 32768, 8993440},                       // STN
+    {255, 256, 256, 256, 256, 256, 256, 1024, 32768, 1024, 8993440},          // CS
+    {255, 256, 256, 256, 256, 256, 256, 1024, 32768, 1024, 8993440},          // CC
+    {32, 32, 200, 200, 200, 200, 200, 1024, 32768, 1024, 8993440},            // CN
+    {255, 256, 256, 256, 256, 256, 256, 0, 0, 0, 0},                          // CN200
+    {0, 0, 0, 0, 0, 0, 0, 1024, 0, 0, 4761120},                               // LCS
+    {0, 0, 0, 0, 0, 0, 0, 1024, 0, 0, 4761120},                               // LCC
+    {0, 0, 0, 0, 0, 0, 0, 1024, 0, 0, 4761120},                               // LCN
+    {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 2529408},                                  // LTN
+    {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 2529408},                                  // LSTN
+    {256, 256, 8000, 8000, 3000, 8000, 8000, 8000, 4184064, 6144, 10117632},  // D
+    {8256, 8256, 8256, 8256, 8512, 8512, 8512, 0, 0, 0, 0},                   // D8000
+    {0, 0, 0, 0, 0, 0, 0, 0x8000, 4184064, 0x1000, 10117632},                 // W
+    {0, 0, 0, 0, 0, 0, 0, 0x8000, 0x8000, 0x8000, 10117632},                  // SW
+    {0, 0, 0, 0, 0, 0, 0, 12000, 2048, 2048, 4096},                           // SD
+    {0, 0, 0, 0, 0, 24000, 32768, 32768, 32768, 8192, 32768},                 // R
+    {0, 0, 0, 0, 0, 0, 0, 0, 4184064, 4184064, 10027008},                     // ZR
+    {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 524288},                                   // RD
+    {0, 0, 0, 0, 0, 0, 0, 24, 20, 20, 24},                                    // Z
+    {0, 0, 0, 0, 0, 0, 0, 12, 0, 0, 12},                                      // LZ
 }};
 
-/// Series of each model and its column of the counts, in the order of Model.
+/// Name and series of each model and its column of the counts, in the order of Model. A model
+/// precedes its form reached by 1E.
 struct ModelFacts {
+  std::string_view name;
   Series series;
   std::uint32_t Counts::*count;
 };
 constexpr std::array<ModelFacts, 17> kFacts = {{
-    {Series::unknown, nullptr},     // unknown: the largest count of all
-    {Series::fx3, &Counts::fx3u},   // unknown_fx
-    {Series::fx, &Counts::fx0n},    // fx0n
-    {Series::fx, &Counts::fx1s},    // fx1s
-    {Series::fx, &Counts::fx1n},    // fx1n
-    {Series::fx, &Counts::fx2n},    // fx2n
-    {Series::fx, &Counts::fx3s},    // fx3s
-    {Series::fx3, &Counts::fx3g},   // fx3g
-    {Series::fx3, &Counts::fx3u},   // fx3u
-    {Series::iq_f, &Counts::iq_f},  // fx5u
-    {Series::iq_f, &Counts::iq_f},  // fx5uj
-    {Series::iq_f, &Counts::iq_f},  // fx5s
-    {Series::q_l, &Counts::q_l},    // q
-    {Series::q_l, &Counts::q_l},    // l
-    {Series::iq_r, &Counts::iq_r},  // iq_r
-    {Series::q_l, &Counts::q_l},    // q_by_1e
-    {Series::q_l, &Counts::q_l},    // l_by_1e
+    {"", Series::unknown, nullptr},  // unknown: the largest count of all
+    {"", Series::fx3, &Counts::fx3u},
+    {"FX0N", Series::fx, &Counts::fx0n},
+    {"FX1S", Series::fx, &Counts::fx1s},
+    {"FX1N", Series::fx, &Counts::fx1n},
+    {"FX2N", Series::fx, &Counts::fx2n},
+    {"FX3S", Series::fx, &Counts::fx3s},
+    {"FX3G", Series::fx3, &Counts::fx3g},
+    {"FX3U", Series::fx3, &Counts::fx3u},
+    {"FX5U", Series::iq_f, &Counts::iq_f},
+    {"FX5UJ", Series::iq_f, &Counts::iq_f},
+    {"FX5S", Series::iq_f, &Counts::iq_f},
+    {"Q", Series::q_l, &Counts::q_l},
+    {"L", Series::q_l, &Counts::q_l},
+    {"iQ-R", Series::iq_r, &Counts::iq_r},
+    {"Q", Series::q_l, &Counts::by_1e},
+    {"L", Series::q_l, &Counts::by_1e},
 }};
 const ModelFacts& facts_of(Model model) { return kFacts[static_cast<std::size_t>(model)]; }
-
-/// Counts by 1E frames that differ from those of a Q or L: Q03UD(E) user's manual, 5.1.2. Leaves
-/// out D9000 and M9000 up, which 1E maps to SD1000 and SM1000 up.
-struct CountBy1E {
-  Space space;
-  std::uint32_t count;
-};
-constexpr std::array<CountBy1E, 14> kCountsBy1E = {{{Space::x, 0x800},
-                                                    {Space::y, 0x800},
-                                                    {Space::m, 8192},
-                                                    {Space::r, 8192},
-                                                    {Space::f, 2048},
-                                                    {Space::ts, 2048},
-                                                    {Space::tc, 2048},
-                                                    {Space::tn, 2048},
-                                                    {Space::cs, 1024},
-                                                    {Space::cc, 1024},
-                                                    {Space::cn, 1024},
-                                                    {Space::b, 0x1000},
-                                                    {Space::w, 0x1000},
-                                                    {Space::d, 6144}}};
 
 bool is_by_1e(Model model) { return model == Model::q_by_1e || model == Model::l_by_1e; }
 
@@ -181,9 +162,6 @@ std::uint32_t count_of(Model model, Space space) {
   const Counts& counts = kCounts[id(space)];
   if (model == Model::unknown)
     return kind_of(space).first_number != 0 ? 0 : std::max({counts.iq_f, counts.q_l, counts.iq_r});
-  if (is_by_1e(model))
-    for (const CountBy1E& each : kCountsBy1E)
-      if (each.space == space) return each.count;
   return counts.*facts_of(model).count;
 }
 
@@ -417,16 +395,13 @@ std::span<const std::string_view> kin_names() { return kKinNames; }
 std::span<const std::string_view> one_e_model_names() { return kOneENames; }
 std::span<const std::string_view> one_e_kin_names() { return kOneEKinNames; }
 
-std::string_view to_string(Model model) {
-  for (const Named& known : kModels)
-    if (known.model == model) return known.name;
-  return {};
-}
+std::string_view to_string(Model model) { return facts_of(model).name; }
 
 std::optional<Model> model_named(std::string_view name) {
-  for (const Named& known : kModels)
-    if (known.name == name) return known.model;
-  return std::nullopt;
+  const auto* found = std::ranges::find(kFacts, name, &ModelFacts::name);
+  if (found != kFacts.end() && !name.empty()) return static_cast<Model>(found - kFacts.begin());
+  const auto* kin = std::ranges::find(kKin, name, &Kin::name);
+  return kin == kKin.end() ? std::nullopt : std::optional(kin->model);
 }
 
 Model seen_by_1e(Model model) {
