@@ -336,18 +336,12 @@ bool ProgrammingPort::may_pass_for_answer(ByteView bytes) const {
 }
 
 LineLength ProgrammingPort::line_length(const Request& request) const {
-  // A classic command has one character, an extended one has three (E00, E10) or two (E7, E8).
-  const auto is_extended = [this](const Span& span) {
-    return set_for(settings_, span).value_or(CommandSet::classic) == CommandSet::extended;
-  };
-  if (const auto* read = std::get_if<Read>(&request))
-    return {kEnvelope + 6 + (read->way == kExtendedWay ? 3U : 1U),
-            kEnvelope + read->span.bits / 8 * 2, 0};
-  if (const auto* write = std::get_if<Write>(&request))
-    return {kEnvelope + 6 + (is_extended(write->span) ? 3U : 1U) + write->span.bits / 8 * 2, 1, 0};
-  if (const auto* force = std::get_if<Force>(&request))
-    return {kEnvelope + 4 + (is_extended({force->space, force->bit, 1}) ? 2U : 1U), 1, 0};
-  return {1, 1, 0};
+  LineLength length;
+  if (const auto frame = encode(request, 0))
+    length.request_chars = static_cast<std::uint32_t>(frame->size());
+  const auto* read = std::get_if<Read>(&request);
+  length.reply_chars = read == nullptr ? 1 : kEnvelope + read->span.bits / 8 * 2;
+  return length;
 }
 
 // ---- probe, model, RUN and STOP ----------------------------------------------------------------
