@@ -272,20 +272,14 @@ Result<Bytes> encode_read(const Settings& settings, const std::vector<ReadWay>& 
                           const Read& read) {
   const Span& span = read.span;
   if (const auto reached = check_reach(settings.model, span); !reached) return fail(reached);
-  const auto way = std::ranges::find(ways, read.way, &ReadWay::way);
-  if (way == ways.end())
-    return refuse(device_name(settings.model, span) + " is not read " +
-                  (read.way == kBitWay ? "as bits" : "as words"));
-  const std::uint64_t end = std::uint64_t{span.first_bit} + span.bits;
-  if (span.bits == 0 || span.bits > way->max_bits || span.first_bit % way->align_bits != 0 ||
-      span.bits % way->unit_bits != 0 || span.first_bit < way->first_bit || end > way->end_bit)
-    return refuse("a read of " + std::to_string(span.bits) + " bits from " +
-                  device_name(settings.model, span) + ": at most " + std::to_string(way->max_bits) +
-                  ", in steps of " + std::to_string(way->unit_bits) + ", up to the last device");
-  Bytes out =
-      begun(settings, read.way == kBitWay ? one_e::Command::read_bits : one_e::Command::read_words);
+  const bool by_bits = read.way == kBitWay;
+  const auto way = way_for(
+      ways, read.way, span, [&] { return device_name(settings.model, span); },
+      by_bits ? "read as bits" : "read as words");
+  if (!way) return fail(way);
+  Bytes out = begun(settings, by_bits ? one_e::Command::read_bits : one_e::Command::read_words);
   append_device(settings.code, out, span);
-  append_points(settings.code, out, read.way == kBitWay ? span.bits : span.bits / 16);
+  append_points(settings.code, out, by_bits ? span.bits : span.bits / 16);
   return out;
 }
 
