@@ -40,6 +40,14 @@ std::string why_wrong_sum(ByteView given, ByteView bytes) {
   return "sum " + as_text(given) + " given, " + hex_text(computed, 2) + " computed";
 }
 
+std::string why_wrong_image(const Write& write, std::uint32_t most) {
+  const std::uint32_t bits = write.span.bits;
+  const std::size_t bytes = write.image.size();
+  if (bits <= most && bytes == (std::size_t{bits} + 7) / 8) return {};
+  return "write of " + std::to_string(bits) + " bits with " + std::to_string(bytes) + " bytes" +
+         (most == 0xFFFFFFFF ? std::string() : ", at most " + std::to_string(most) + " bits");
+}
+
 Write write_of(const Force& force) {
   return {{force.space, force.bit, 1}, {static_cast<std::uint8_t>(force.on ? 1 : 0)}, force.way};
 }

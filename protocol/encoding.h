@@ -38,6 +38,9 @@ Result<Bytes> bytes_in(ByteView digits);
 /// Returns why the two characters are not the hex digits of byte_sum(bytes); empty if they are.
 std::string why_wrong_sum(ByteView given, ByteView bytes);
 
+/// Returns why a frame cannot carry the write: the image is not that of its bits, or there are more
+/// than `most`. Empty if it can.
+std::string why_wrong_image(const Write& write, std::uint32_t most = 0xFFFFFFFF);
 /// Returns the force as a write of its single bit, by the same way.
 Write write_of(const Force& force);
 

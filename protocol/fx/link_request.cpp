@@ -51,11 +51,8 @@ std::string_view read_command(const Read& read) {
 /// Appends the number of points; 256 is written as 00.
 void append_points(Bytes& out, std::uint32_t points) { append_hex(out, points & 0xFF, 2); }
 
-/// True if WW and WT can carry the span of a bit device: whole words from a multiple of eight.
-bool is_bit_words(const Span& span) {
-  return !mc::is_contact(static_cast<Space>(span.space)) && span.first_bit % 8 == 0 &&
-         span.bits % 16 == 0;
-}
+/// WW and WT write words of a bit device from a multiple of this on.
+constexpr std::uint32_t kAlign = 8;
 
 /// Checks a write. BW and BT replace exactly the bits that they name, so each bit is checked alone.
 /// WW of bits carries only whole words.
@@ -67,25 +64,6 @@ Result<void> check_exact(Model model, const Span& span) {
     if (auto allowed = fx::check_write(model, {span.space, span.first_bit + i, 1}); !allowed)
       return allowed;
   return {};
-}
-
-/// Unit in which a Scatter is sent.
-enum class Carrier : std::uint8_t { bits, words };
-
-std::optional<Carrier> carrier_of(const std::vector<Write>& parts, const PointLimits& limits) {
-  std::uint64_t bits = 0;
-  bool all_bits = !parts.empty();
-  bool all_words = !parts.empty();
-  for (const Write& part : parts) {
-    if (!is_addressed(part.span.space)) return std::nullopt;
-    const std::uint32_t unit = kind_of(static_cast<Space>(part.span.space)).bits;
-    bits += part.span.bits;
-    all_bits = all_bits && unit == 1;
-    all_words = all_words && (unit == 16 || (unit == 1 && is_bit_words(part.span)));
-  }
-  if (all_bits && bits <= limits.bt) return Carrier::bits;
-  if (all_words && bits <= limits.wt * 16) return Carrier::words;
-  return std::nullopt;
 }
 
 /// Returns a request frame: ENQ station pc command wait area [sum] [CR LF].
@@ -114,16 +92,14 @@ Result<Bytes> encode_write(const Settings& settings, const Write& write) {
   if (const auto allowed = check_exact(settings.model, span); !allowed) return fail(allowed);
   const PointLimits& limits = limits_of(settings.model);
   const std::uint32_t bits = kind_of(static_cast<Space>(span.space)).bits;
-  const bool by_bits = bits == 1 && !is_bit_words(span);
+  const bool by_bits = bits == 1 && !mc::is_words(span, kAlign);
   const std::uint32_t unit = by_bits ? 1 : std::max<std::uint32_t>(bits, 16);
   const std::uint32_t most = by_bits      ? limits.bw
                              : bits == 1  ? limits.ww_of_bits
                              : bits == 16 ? limits.ww
                                           : limits.ww_of_dwords;
-  if (span.bits > most * unit || write.image.size() != (span.bits + 7) / 8)
-    return refuse("write of " + std::to_string(span.bits) + " bits with " +
-                  std::to_string(write.image.size()) + " bytes to " + device_name(span) +
-                  ": at most " + std::to_string(most * unit) + " bits");
+  if (const auto why = why_wrong_image(write, most * unit); !why.empty())
+    return refuse(device_name(span) + ": " + why);
   Bytes area;
   append_device(area, span.space, span.first_bit, name_chars(span.space));
   append_points(area, span.bits / unit);
@@ -136,8 +112,9 @@ Result<Bytes> encode_write(const Settings& settings, const Write& write) {
 }
 
 Result<Bytes> encode_scatter(const Settings& settings, const Scatter& scatter) {
-  const auto carrier = carrier_of(scatter.parts, limits_of(settings.model));
-  if (!carrier) return fail(ErrorCode::unsupported, "no frame carries these writes together");
+  const PointLimits& limits = limits_of(settings.model);
+  const auto step = mc::item_bits(scatter, limits.bt, limits.wt, kAlign);
+  if (!step) return fail(step);
   Bytes items;
   std::uint32_t points = 0;
   const bool long_names = std::ranges::any_of(
@@ -145,14 +122,12 @@ Result<Bytes> encode_scatter(const Settings& settings, const Scatter& scatter) {
   for (const Write& part : scatter.parts) {
     const Span& span = part.span;
     if (const auto allowed = check_exact(settings.model, span); !allowed) return fail(allowed);
-    if (part.image.size() != (span.bits + 7) / 8)
-      return refuse(device_name(span) + ": " + std::to_string(part.image.size()) + " bytes for " +
-                    std::to_string(span.bits) + " bits");
-    const std::uint32_t step = *carrier == Carrier::bits ? 1 : 16;
-    for (std::uint32_t done = 0; done < span.bits; done += step, ++points) {
+    if (const auto why = why_wrong_image(part); !why.empty())
+      return refuse(device_name(span) + ": " + why);
+    for (std::uint32_t done = 0; done < span.bits; done += *step, ++points) {
       append_device(items, span.space, span.first_bit + done, long_names ? kLongName : kShortName);
-      const Bytes value = extract_bits(part.image, done, step);
-      if (*carrier == Carrier::bits)
+      const Bytes value = extract_bits(part.image, done, *step);
+      if (*step == 1)
         mc::append_bits(mc::Code::ascii, items, value, 1);
       else
         mc::append_image(mc::Code::ascii, items, value, 2);
@@ -161,7 +136,7 @@ Result<Bytes> encode_scatter(const Settings& settings, const Scatter& scatter) {
   Bytes area;
   append_points(area, points);
   area.insert(area.end(), items.begin(), items.end());
-  return framed(settings, *carrier == Carrier::bits ? "BT" : (long_names ? "QT" : "WT"), area);
+  return framed(settings, *step == 1 ? "BT" : (long_names ? "QT" : "WT"), area);
 }
 
 }  // namespace

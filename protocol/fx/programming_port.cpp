@@ -281,10 +281,8 @@ Result<Bytes> encode_read(const Settings& settings, const Read& read) {
 Result<Bytes> encode_write(const Settings& settings, std::uint32_t most, const Write& write) {
   const Span& span = write.span;
   if (const auto allowed = fx::check_write(settings.model, span); !allowed) return fail(allowed);
-  if (span.bits % 8 != 0 || span.bits > most || write.image.size() != span.bits / 8)
-    return refuse("write of " + std::to_string(span.bits) + " bits with " +
-                  std::to_string(write.image.size()) + " bytes to " + device_name(span) +
-                  ": whole bytes, at most " + std::to_string(most) + " bits");
+  auto why = span.bits % 8 != 0 ? "only whole bytes can be written" : why_wrong_image(write, most);
+  if (!why.empty()) return refuse(device_name(span) + ": " + why);
   const auto set = set_for(settings, span);
   if (!set) return fail(set);
   const PortArea* area = area_of(map_of(settings.model, *set), static_cast<Space>(span.space));

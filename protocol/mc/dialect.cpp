@@ -56,6 +56,28 @@ bool is_contact(Space space) {
   return letters.size() > 1 && (letters.ends_with('S') || letters.ends_with('C'));
 }
 
+bool is_words(const Span& span, std::uint32_t align) {
+  if (width_of(span.space) != 1) return true;
+  return !is_contact(static_cast<Space>(span.space)) && span.first_bit % align == 0 &&
+         span.bits % 16 == 0;
+}
+
+Result<std::uint32_t> item_bits(const Scatter& scatter, std::uint32_t bits, std::uint32_t words,
+                                std::uint32_t align) {
+  std::uint64_t total = 0;
+  bool all_bits = !scatter.parts.empty();
+  bool all_words = all_bits;
+  for (const auto& [span, image, way] : scatter.parts) {
+    const std::uint32_t width = span.space < kSpaces ? width_of(span.space) : 0;
+    total += span.bits;
+    all_bits = all_bits && width == 1;
+    all_words = all_words && (width == 1 || width == 16) && is_words(span, align);
+  }
+  if (all_bits && total <= bits) return 1U;
+  if (all_words && total <= std::uint64_t{words} * 16) return 16U;
+  return fail(ErrorCode::unsupported, "no frame carries these writes together");
+}
+
 std::vector<ReadWay> read_ways(const Dialect& dialect, std::uint16_t space_id) {
   std::vector<ReadWay> ways;
   if (space_id >= kSpaces) return ways;

@@ -86,6 +86,15 @@ bool has_name(const Dialect& dialect, Space space);
 /// True for contacts and coils of timers and counters, which are reached only bit by bit.
 bool is_contact(Space space);
 
+/// True if words can carry all of the span: whole devices, or of a bit device whole words from a
+/// multiple of `align` on, except contacts and coils.
+bool is_words(const Span& span, std::uint32_t align);
+/// Returns the bits of one item of a frame that carries all parts: 1 or 16. A frame has room for
+/// `bits` bits or `words` words; no word is half of a 32-bit device. Error: unsupported if no frame
+/// can carry them.
+Result<std::uint32_t> item_bits(const Scatter& scatter, std::uint32_t bits, std::uint32_t words,
+                                std::uint32_t align);
+
 /// Implement AddressSpace::read_ways(), gathers() and max_write_bits().
 std::vector<ReadWay> read_ways(const Dialect& dialect, std::uint16_t space);
 std::vector<GatherCommand> gathers(const Dialect& dialect);

@@ -144,10 +144,8 @@ Result<Bytes> encode_scatter(const Dialect& dialect, const Scatter& scatter) {
   std::uint64_t bits = 0;
   for (const Write& part : scatter.parts) {
     if (const auto allowed = check_write(dialect.model, part.span); !allowed) return fail(allowed);
-    if (part.image.size() != (part.span.bits + 7) / 8)
-      return refuse(device_name(dialect.model, part.span) + ": " +
-                    std::to_string(part.image.size()) + " bytes for " +
-                    std::to_string(part.span.bits) + " bits");
+    if (const auto why = why_wrong_image(part); !why.empty())
+      return refuse(device_name(dialect.model, part.span) + ": " + why);
     flags |= part.way;
     bits += part.span.bits;
     all_bits &= width_of(part.span.space) == 1;
@@ -204,10 +202,8 @@ Result<Bytes> encode_write(const Dialect& dialect, const Write& write) {
   if (const auto allowed = check_write(dialect.model, span); !allowed) return fail(allowed);
   const bool long_codes = has_long_codes(dialect, write.way);
   const std::uint32_t width = width_of(span.space);
-  if (write.image.size() != (span.bits + 7) / 8)
-    return refuse("write of " + std::to_string(span.bits) + " bits with " +
-                  std::to_string(write.image.size()) + " bytes to " +
-                  device_name(dialect.model, span));
+  if (const auto why = why_wrong_image(write); !why.empty())
+    return refuse(device_name(dialect.model, span) + ": " + why);
   if (width == 32) return encode_scatter(dialect, {{write}});
   const Limits limits = limits_of(dialect, long_codes);
   const bool by_bits = width == 1 && !is_whole_words(span);

@@ -21,6 +21,8 @@ constexpr std::uint32_t kWriteBits = 160;  // bits, or ten words
 constexpr std::uint32_t kWriteWords = 64;
 constexpr std::uint32_t kRandomBits = 80;
 constexpr std::uint32_t kRandomWords = 10;
+/// Words of a bit device begin at a multiple of this.
+constexpr std::uint32_t kAlign = 16;
 
 constexpr std::uint32_t kMonitoringUnitMs = 250;
 
@@ -86,13 +88,6 @@ bool is_fx3_only(Space space) {
          space == Space::special_d || space == Space::cn32;
 }
 
-/// True if words of a bit device can carry the span: they begin at a multiple of 16 and are written
-/// whole.
-bool is_bit_words(const Span& span) {
-  return !is_contact(static_cast<Space>(span.space)) && span.first_bit % 16 == 0 &&
-         span.bits % 16 == 0;
-}
-
 std::uint32_t number_of(const Span& span) {
   const DeviceKind& kind = kind_of(static_cast<Space>(span.space));
   return kind.first_number + span.first_bit / kind.bits;
@@ -104,23 +99,6 @@ void append_device(Code data_code, Bytes& out, const Span& span) {
   if (data_code == Code::ascii) append_number(data_code, out, device_code, 2);
   append_number(data_code, out, number_of(span), 4);
   if (data_code == Code::binary) append_number(data_code, out, device_code, 2);
-}
-
-/// Returns the command that sends a Scatter.
-std::optional<one_e::Command> carrier_of(const std::vector<Write>& parts) {
-  std::uint64_t bits = 0;
-  bool all_bits = !parts.empty();
-  bool all_words = !parts.empty();
-  for (const Write& part : parts) {
-    if (part.span.space >= kSpaces) return std::nullopt;
-    const std::uint32_t width = width_of(part.span.space);
-    bits += part.span.bits;
-    all_bits = all_bits && width == 1;
-    all_words = all_words && (width == 16 || (width == 1 && is_bit_words(part.span)));
-  }
-  if (all_bits && bits <= kRandomBits) return one_e::Command::random_bits;
-  if (all_words && bits <= kRandomWords * 16) return one_e::Command::random_words;
-  return std::nullopt;
 }
 
 /// Returns the bytes of data in the binary form of a successful answer.
@@ -288,12 +266,9 @@ Result<Bytes> encode_write(const Settings& settings, std::uint32_t most, const W
   const Span& span = write.span;
   if (const auto allowed = check_reached_write(settings.model, span); !allowed)
     return fail(allowed);
-  const bool bits = width_of(span.space) == 1 && !is_bit_words(span);
-  if (span.bits > most || write.image.size() != (span.bits + 7) / 8)
-    return refuse("write of " + std::to_string(span.bits) + " bits with " +
-                  std::to_string(write.image.size()) + " bytes to " +
-                  device_name(settings.model, span) + ": at most " + std::to_string(most) +
-                  " bits");
+  const bool bits = width_of(span.space) == 1 && !is_words(span, kAlign);
+  if (const auto why = why_wrong_image(write, most); !why.empty())
+    return refuse(device_name(settings.model, span) + ": " + why);
   Bytes out = begun(settings, bits ? one_e::Command::write_bits : one_e::Command::write_words);
   append_device(settings.code, out, span);
   append_points(settings.code, out, bits ? span.bits : span.bits / 16);
@@ -307,25 +282,23 @@ Result<Bytes> encode_write(const Settings& settings, std::uint32_t most, const W
 }
 
 Result<Bytes> encode_scatter(const Settings& settings, const Scatter& scatter) {
-  const auto carrier = carrier_of(scatter.parts);
-  if (!carrier) return fail(ErrorCode::unsupported, "no frame carries these writes together");
-  const std::uint32_t step = *carrier == one_e::Command::random_bits ? 1 : 16;
+  const auto step = item_bits(scatter, kRandomBits, kRandomWords, kAlign);
+  if (!step) return fail(step);
   std::uint32_t points = 0;
   for (const Write& part : scatter.parts) {
     if (const auto allowed = check_reached_write(settings.model, part.span); !allowed)
       return fail(allowed);
-    if (part.image.size() != (part.span.bits + 7) / 8)
-      return refuse(device_name(settings.model, part.span) + ": " +
-                    std::to_string(part.image.size()) + " bytes for " +
-                    std::to_string(part.span.bits) + " bits");
-    points += part.span.bits / step;
+    if (const auto why = why_wrong_image(part); !why.empty())
+      return refuse(device_name(settings.model, part.span) + ": " + why);
+    points += part.span.bits / *step;
   }
-  Bytes out = begun(settings, *carrier);
+  Bytes out =
+      begun(settings, *step == 1 ? one_e::Command::random_bits : one_e::Command::random_words);
   append_points(settings.code, out, points);
   for (const Write& part : scatter.parts)
-    for (std::uint32_t done = 0; done < part.span.bits; done += step) {
-      append_device(settings.code, out, {part.span.space, part.span.first_bit + done, step});
-      const Bytes value = extract_bits(part.image, done, step);
+    for (std::uint32_t done = 0; done < part.span.bits; done += *step) {
+      append_device(settings.code, out, {part.span.space, part.span.first_bit + done, *step});
+      const Bytes value = extract_bits(part.image, done, *step);
       append_image(settings.code, out, value, value.size());
     }
   return out;
