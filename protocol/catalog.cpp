@@ -113,7 +113,7 @@ ProtocolInfo computer_link() {
   info.multidrop = true;
   info.options = {
       integer("station", 0, 15, settings.station, "Station number, D8121 of the PLC."),
-      integer("format", 1, 4, settings.ends_with_cr_lf ? 4 : 1,
+      integer("format", 1, 4, settings.format,
               "Control procedure format 1 or 4, as in D8120. Format 4 ends each message with CR "
               "LF."),
       boolean("sum_check", settings.sum_check,
@@ -125,8 +125,7 @@ ProtocolInfo computer_link() {
               "True if the agent answers data with ACK, as the manual requires. `false` saves "
               "the line time of the ACK. It is right for two-wire adapters that return "
               "everything that is sent."),
-      integer("max_block_bytes", 2, 128, settings.max_block_bytes,
-              "Bytes of device memory in one frame."),
+      integer("max_block_bytes", 2, 128, 128, "Bytes of device memory in one frame."),
   };
   info.format_place = "D8120 of the PLC";
   info.hints.silent =
@@ -222,9 +221,9 @@ ProtocolInfo mc_1e() {
   info.options = {
       choice("code", {"binary", "ascii"},
              "Communication data code, as in the PLC's Ethernet settings."),
-      integer("pc", 0, 255, settings.pc,
+      integer("pc", 0, 255, settings.route.pc,
               "PC number. 255 is the connected PLC; others are stations of a network behind it."),
-      integer("monitoring_timer_ms", 250, 60000, settings.monitoring_timer * 250,
+      integer("monitoring_timer_ms", 250, 60000, settings.timer * 250,
               "Time that the Ethernet module waits for its PLC before it answers with an error, in "
               "steps of 250. `timeout_ms` should be longer; its default is 1000 more."),
   };

@@ -59,12 +59,10 @@ Result<std::shared_ptr<const Codec>> ComputerLink::make(const Options& options) 
     settings.model = *known;
   }
   take_option(settings.station, options, "station", 0, 15);
-  take_option(settings.max_block_bytes, options, "max_block_bytes", 2, 128);
-  std::uint32_t format = settings.ends_with_cr_lf ? 4 : 1;
-  take_option(format, options, "format", 1, 4);
-  if (format != 1 && format != 4)
-    return refuse("format must be 1 or 4: an FX has no format " + std::to_string(format));
-  settings.ends_with_cr_lf = format == 4;
+  take_option(settings.max_block_bytes, options, "max_block_bytes", 2, 128);  // 64 words
+  take_option(settings.format, options, "format", 1, 4);
+  if (settings.format != 1 && settings.format != 4)
+    return refuse("format must be 1 or 4: an FX has no format " + std::to_string(settings.format));
   std::uint32_t wait = settings.wait_tens * 10;
   take_option(wait, options, "message_wait_ms", 0, 150);
   if (wait % 10 != 0) return refuse("message_wait_ms must be a multiple of 10");
@@ -80,9 +78,9 @@ namespace {
 
 /// Returns the frame that acknowledges data: ACK, station, PLC number [CR LF].
 Bytes acknowledge(const Settings& settings) {
-  Bytes frame = mc::serial_header(frame_of(settings));
+  Bytes frame = mc::serial_header(settings);
   frame.insert(frame.begin(), kAck);
-  if (settings.ends_with_cr_lf) frame.insert(frame.end(), {kCr, kLf});
+  if (settings.format == 4) frame.insert(frame.end(), {kCr, kLf});
   return frame;
 }
 
@@ -91,7 +89,7 @@ Bytes acknowledge(const Settings& settings) {
 Decoded ComputerLink::decode(const Request& request, std::uint16_t tag, ByteView rx) const {
   if (const auto sent = encode(request, tag); !sent) return fail(sent);
   if (!expects_reply(request)) return fail(ErrorCode::unsupported, "EOT is never answered");
-  auto answer = mc::serial_answer(frame_of(settings_), 0, data_chars(request), rx);
+  auto answer = mc::serial_answer(settings_, 0, data_chars(request), rx);
   if (!answer.reply) return std::move(answer.reply);
   if (!*answer.reply) {
     // Bytes before the echo of the request are older.
@@ -122,7 +120,7 @@ bool ComputerLink::expects_reply(const Request& request) const {
 }
 
 bool ComputerLink::may_pass_for_answer(ByteView bytes) const {
-  return mc::may_be_serial_answer(frame_of(settings_), bytes);
+  return mc::may_be_serial_answer(settings_, bytes);
 }
 
 LineLength ComputerLink::line_length(const Request& request) const {
@@ -131,7 +129,7 @@ LineLength ComputerLink::line_length(const Request& request) const {
     length.request_chars = static_cast<std::uint32_t>(frame->size());
   if (!expects_reply(request)) return length;
   const auto reply_chars = [&](std::uint32_t data) {
-    return static_cast<std::uint32_t>(mc::serial_answer_length(frame_of(settings_), data));
+    return static_cast<std::uint32_t>(mc::serial_answer_length(settings_, data));
   };
   const std::uint32_t data = data_chars(request);
   length.reply_chars = reply_chars(data);

@@ -14,37 +14,31 @@
 
 #include "protocol/codec.h"
 #include "protocol/fx/device.h"
+#include "protocol/mc/dialect.h"
 #include "protocol/options.h"
 #include "protocol/plc.h"
 
 namespace fxagent {
 struct LineDefaults;
 }
-namespace fxagent::mc {
-struct Dialect;
-}
 
 namespace fxagent::fx {
 
 class ComputerLink final : public Codec, public AddressSpace, public PlcServices {
  public:
-  /// Settings of D8120 and D8121 of the PLC, from the computer's side.
-  struct Settings {
-    Model model = Model::unknown_fx;
-    std::uint32_t station = 0;     ///< 0 to 15
-    bool ends_with_cr_lf = false;  ///< control procedure format 4; format 1 has no terminator
-    bool sum_check = true;
-    std::uint32_t wait_tens = 0;   ///< 0 to 15, times 10 ms: wait of the PLC before it answers
-    bool acknowledge_data = true;  ///< answer data with ACK, as the manual requires
-    /// Bytes of device memory in one frame; 128 bytes are the 64 words of the manual.
-    std::uint32_t max_block_bytes = 128;
-  };
+  /// Settings of D8120 and D8121 of the PLC, from the computer's side: station 0 to 15, and format
+  /// 1 or 4, which ends each frame with CR LF.
+  using Settings = mc::Dialect;
   /// Read::way of the two units: BR returns one character for each bit, WR and QR four for each
   /// word.
   static constexpr std::uint8_t kBitWay = 0;
   static constexpr std::uint8_t kWordWay = 1;
 
-  explicit ComputerLink(const Settings& settings) : settings_(settings) {}
+  explicit ComputerLink(const Settings& settings) : settings_(settings) {
+    settings_.frame = mc::Frame::c1;
+    settings_.code = mc::Code::ascii;
+    if (settings.model == Model::unknown) settings_.model = Model::unknown_fx;
+  }
   /// Creates a codec from the config's options. Error: bad_request if `format` is 2 or 3, or if
   /// `message_wait_ms` is not a multiple of 10.
   static Result<std::shared_ptr<const Codec>> make(const Options& options);
@@ -101,8 +95,6 @@ class ComputerLink final : public Codec, public AddressSpace, public PlcServices
 
 /// Control character, station and PLC number: a whole ACK, or the head of any other frame.
 inline constexpr std::uint32_t kLinkHeader = 5;
-/// Returns the 1C frame of these settings. The PLC number of every FX is FF.
-mc::Dialect frame_of(const ComputerLink::Settings& settings);
 
 /// Returns the text for the code of a NAK: "device does not exist or too many points".
 std::string_view link_refusal(int code);

@@ -71,7 +71,7 @@ Bytes framed(const Settings& settings, std::string_view command, ByteView area) 
   Bytes message(command.begin(), command.end());
   append_hex(message, settings.wait_tens, 1);
   message.insert(message.end(), area.begin(), area.end());
-  return mc::serial_request(frame_of(settings), 0, message);
+  return mc::serial_request(settings, 0, message);
 }
 
 Result<Bytes> encode_read(const Settings& settings, const std::vector<ReadWay>& ways,
@@ -141,14 +141,6 @@ Result<Bytes> encode_scatter(const Settings& settings, const Scatter& scatter) {
 
 }  // namespace
 
-mc::Dialect frame_of(const Settings& settings) {
-  return {.frame = mc::Frame::c1,
-          .code = mc::Code::ascii,
-          .station = static_cast<std::uint8_t>(settings.station),
-          .format = settings.ends_with_cr_lf ? 4U : 1U,
-          .sum_check = settings.sum_check};
-}
-
 std::vector<ReadWay> ComputerLink::read_ways(std::uint16_t space_id) const {
   std::vector<ReadWay> ways;
   if (!is_addressed(space_id)) return ways;
@@ -214,7 +206,7 @@ Result<Bytes> ComputerLink::encode(const Request& request, std::uint16_t /*tag*/
       case Control::Kind::stop:
         return framed(settings_, "RS", {});
       case Control::Kind::reset:
-        return settings_.ends_with_cr_lf ? Bytes{kEot, kCr, kLf} : Bytes{kEot};
+        return settings_.format == 4 ? Bytes{kEot, kCr, kLf} : Bytes{kEot};
     }
   }
   return fail(ErrorCode::unsupported, "the computer link has no enquiry of its own");

@@ -405,6 +405,7 @@ std::optional<Model> model_named(std::string_view name) {
 }
 
 Model seen_by_1e(Model model) {
+  if (model == Model::unknown) return Model::unknown_fx;
   if (model == Model::q) return Model::q_by_1e;
   return model == Model::l ? Model::l_by_1e : model;
 }

@@ -60,7 +60,8 @@ std::span<const std::string_view> one_e_kin_names();
 std::string_view to_string(Model model);
 /// Finds a name of all four lists above or of an FX (fx/device.h); nullopt for any other name.
 std::optional<Model> model_named(std::string_view name);
-/// Returns the model as 1E frames see it: a Q or L has only the devices of an A series PLC.
+/// Returns the model as 1E frames see it: a Q or L has only the devices of an A series PLC, and an
+/// unknown model is an FX3.
 Model seen_by_1e(Model model);
 
 /// Kinds of device memory. M8000 up and D8000 up of an FX up to the FX3 are separate memory, and

@@ -14,8 +14,8 @@ namespace fxagent::mc {
 /// The "communication data code" of a port.
 enum class Code : std::uint8_t { binary, ascii };
 
-/// 1C is the frame of the computer link of an FX (fx/computer_link.h).
-enum class Frame : std::uint8_t { e3, e4, c1, c3, c4 };
+/// 1E is in one_e.h. 1C is the frame of the computer link of an FX (fx/computer_link.h).
+enum class Frame : std::uint8_t { e1, e3, e4, c1, c3, c4 };
 constexpr bool is_serial(Frame frame) { return frame >= Frame::c1; }
 
 /// Access route to the addressed station. The defaults address the connected station.
@@ -33,11 +33,13 @@ struct Dialect {
   Model model = Model::unknown;
   Code code = Code::binary;  ///< Mc derives that of 3C and 4C from the format
   Route route{};             ///< that of a 3C frame ends with the PC number
-  std::uint32_t timer = 16;  ///< 3E and 4E: monitoring timer in units of 250 ms
+  std::uint32_t timer = 16;  ///< 1E, 3E and 4E: monitoring timer in units of 250 ms
   std::uint8_t station = 0;  ///< 1C, 3C and 4C, as the next two
   std::uint32_t format = 1;
   bool sum_check = true;
   std::uint32_t max_block_bytes = 1920;  ///< of device memory in one frame; 960 words
+  std::uint32_t wait_tens = 0;   ///< 1C: 0 to 15, times 10 ms: wait of the PLC before it answers
+  bool acknowledge_data = true;  ///< 1C: answer data with ACK, as the manual requires
 
   Series series() const { return series_of(model); }
 };

@@ -131,12 +131,12 @@ Result<std::shared_ptr<const Codec>> OneE::make(const Options& options) {
   }
   if (const auto* word = option<std::string>(options, "code"))
     settings.code = *word == "ascii" ? Code::ascii : Code::binary;
-  take_option(settings.pc, options, "pc", 0, 255);
-  std::uint32_t timer = settings.monitoring_timer * kMonitoringUnitMs;
+  take_option(settings.route.pc, options, "pc", 0, 255);
+  std::uint32_t timer = settings.timer * kMonitoringUnitMs;
   take_option(timer, options, "monitoring_timer_ms", kMonitoringUnitMs, 0xFFFF * kMonitoringUnitMs);
   if (timer % kMonitoringUnitMs != 0)
     return refuse("monitoring_timer_ms must be a multiple of 250");
-  settings.monitoring_timer = static_cast<std::uint16_t>(timer / kMonitoringUnitMs);
+  settings.timer = timer / kMonitoringUnitMs;
   return std::make_shared<const OneE>(settings);
 }
 
@@ -235,8 +235,8 @@ Bytes begun(const Settings& settings, one_e::Command command) {
   Bytes out;
   out.reserve(24);  // a read
   append_number(settings.code, out, code(command), 1);
-  append_number(settings.code, out, settings.pc, 1);
-  append_number(settings.code, out, settings.monitoring_timer, 2);
+  append_number(settings.code, out, settings.route.pc, 1);
+  append_number(settings.code, out, settings.timer, 2);
   return out;
 }
 
@@ -281,7 +281,7 @@ Result<Bytes> encode_write(const Settings& settings, std::uint32_t most, const W
   return out;
 }
 
-Result<Bytes> encode_scatter(const Settings& settings, const Scatter& scatter) {
+Result<Bytes> encode_scattered(const Settings& settings, const Scatter& scatter) {
   const auto step = item_bits(scatter, kRandomBits, kRandomWords, kAlign);
   if (!step) return fail(step);
   std::uint32_t points = 0;
@@ -325,7 +325,7 @@ Result<Bytes> OneE::encode(const Request& request, std::uint16_t /*tag*/) const 
   if (const auto* write = std::get_if<Write>(&request))
     return encode_write(settings_, max_write_bits(write->span.space), *write);
   if (const auto* scatter = std::get_if<Scatter>(&request))
-    return encode_scatter(settings_, *scatter);
+    return encode_scattered(settings_, *scatter);
   if (const auto* control = std::get_if<Control>(&request))
     return encode_control(settings_, *control);
   if (const auto* force = std::get_if<Force>(&request)) {
@@ -462,7 +462,7 @@ LineLength OneE::line_length(const Request& request) const {
 }
 
 std::chrono::milliseconds OneE::gives_up_after() const {
-  return std::chrono::milliseconds(settings_.monitoring_timer * kMonitoringUnitMs);
+  return std::chrono::milliseconds(settings_.timer * kMonitoringUnitMs);
 }
 
 std::optional<Request> OneE::probe(std::uint32_t number) const {

@@ -14,7 +14,6 @@
 #include <vector>
 
 #include "protocol/codec.h"
-#include "protocol/mc/device.h"
 #include "protocol/mc/dialect.h"
 #include "protocol/options.h"
 #include "protocol/plc.h"
@@ -24,16 +23,11 @@ namespace fxagent::mc {
 /// Read::way: kBitWay is 00, with half a byte for each bit; kWordWay is 01.
 class OneE final : public Codec, public AddressSpace, public PlcServices {
  public:
-  struct Settings {
-    /// unknown_fx, FX3, Q or L.
-    Model model = Model::unknown_fx;
-    Code code = Code::binary;
-    std::uint8_t pc = 0xFF;  ///< PC number; FF is the connected station
-    /// Timer of the module for an answer of the PLC, in units of 250 ms, 1 or more. 0 would wait
-    /// forever.
-    std::uint16_t monitoring_timer = 16;
-  };
+  /// Model (unknown, FX3, Q or L), code, PC number of the route, and timer of the module for an
+  /// answer of the PLC, 1 or more: 0 would wait forever.
+  using Settings = Dialect;
   explicit OneE(const Settings& settings) : settings_(settings) {
+    settings_.frame = Frame::e1;
     settings_.model = seen_by_1e(settings.model);
   }
   /// Creates a codec from the config's options. Error: bad_request if `monitoring_timer_ms` is not

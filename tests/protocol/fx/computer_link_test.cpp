@@ -35,11 +35,11 @@ ComputerLink codec_of(const test::Exchange& e) {
   std::istringstream words(e.command_set);
   std::string word;
   std::getline(words, word, '.');
-  settings.station = static_cast<std::uint32_t>(std::stoul(word));
+  settings.station = static_cast<std::uint8_t>(std::stoul(word));
   std::getline(words, word, '.');
   settings.wait_tens = static_cast<std::uint32_t>(std::stoul(word)) / 10;
   std::getline(words, word, '.');
-  settings.ends_with_cr_lf = word == "4";
+  settings.format = word == "4" ? 4 : 1;
   std::getline(words, word, '.');
   settings.sum_check = word == "sum";
   return ComputerLink(settings);
@@ -355,7 +355,7 @@ TEST(ComputerLink, DataAreAcknowledgedWhereTheManualAsksForIt) {
   EXPECT_TRUE(good(kAnswer, kWords, silent).closing.empty());
   EXPECT_EQ(silent.line_length(kWords).closing_chars, 0U);
   settings.acknowledge_data = true;
-  settings.ends_with_cr_lf = true;
+  settings.format = 4;
   EXPECT_EQ(good(kAnswer + "\r\n", kWords, ComputerLink(settings)).closing,
             ascii(kAckFrame + "\r\n"));
 }
@@ -449,7 +449,7 @@ TEST(ComputerLink, BitsComeLowestFirst) {
 }
 
 TEST(ComputerLink, Format4IsCompleteWithCrLfAndNotBefore) {
-  const ComputerLink codec({.ends_with_cr_lf = true});
+  const ComputerLink codec({.format = 4});
   EXPECT_TRUE(needs_more(kAnswer, kWords, codec));
   EXPECT_TRUE(needs_more(kAnswer + "\r", kWords, codec));
   EXPECT_EQ(good(kAnswer + "\r\n", kWords, codec).consumed, kAnswer.size() + 2);

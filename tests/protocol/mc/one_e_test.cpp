@@ -14,7 +14,7 @@ using namespace test;
 using Settings = OneE::Settings;
 
 OneE plc(Model model = Model::fx3u, Code code = Code::binary) {
-  return OneE({.model = model, .code = code, .monitoring_timer = 10});
+  return OneE({.model = model, .code = code, .timer = 10});
 }
 
 const OneE kBinary = plc();
@@ -42,9 +42,9 @@ OneE codec_of(const test::Exchange& e) {
   std::getline(words, word, '.');
   settings.code = word == "ascii" ? Code::ascii : Code::binary;
   std::getline(words, word, '.');
-  settings.monitoring_timer = static_cast<std::uint16_t>(std::stoul(word) / 250);
+  settings.timer = static_cast<std::uint32_t>(std::stoul(word)) / 250;
   std::getline(words, word, '.');
-  settings.pc = static_cast<std::uint8_t>(std::stoul(word));
+  settings.route.pc = static_cast<std::uint8_t>(std::stoul(word));
   return OneE(settings);
 }
 
@@ -407,7 +407,7 @@ TEST(OneE, ProbesHaveAnswersThatNoOtherProbeAndNoWriteHas) {
   std::set<std::uint32_t> lengths;
   for (const Code data_code : {Code::binary, Code::ascii}) {
     lengths.clear();
-    const OneE codec({Model::l, data_code});
+    const OneE codec = plc(Model::l, data_code);
     for (std::uint32_t number = 0; number < Codec::kProbes; ++number) {
       const auto probe = codec.probe(number).value();
       EXPECT_TRUE(is_read(probe));
