@@ -1,6 +1,7 @@
 #include "protocol/catalog.h"
 
 #include <algorithm>
+#include <array>
 
 #include "protocol/encoding.h"
 #include "protocol/fx/computer_link.h"
@@ -12,6 +13,18 @@
 
 namespace fxagent {
 namespace {
+
+// Names of models, and further names of some of them: compact forms, and the one with Ethernet. Of
+// an FX the widest model comes last.
+constexpr auto kFxModels =
+    std::to_array<std::string_view>({"FX0N", "FX1S", "FX1N", "FX2N", "FX3S", "FX3G", "FX3U"});
+constexpr auto kFxKin =
+    std::to_array<std::string_view>({"FX1NC", "FX2NC", "FX3GC", "FX3GE", "FX3UC"});
+constexpr auto kOneEModels = std::to_array<std::string_view>({"Q", "L", "FX3G", "FX3U"});
+constexpr auto kOneEKin = std::to_array<std::string_view>({"FX3GC", "FX3GE", "FX3UC"});
+constexpr auto kMcModels =
+    std::to_array<std::string_view>({"FX5U", "FX5UJ", "FX5S", "Q", "L", "iQ-R"});
+constexpr auto kMcKin = std::to_array<std::string_view>({"FX5UC"});
 
 OptionSpec integer(std::string_view key, std::int64_t min, std::int64_t max, std::int64_t fallback,
                    std::string_view meaning) {
@@ -72,8 +85,8 @@ ProtocolInfo fx_protocol(std::string_view name, std::string_view summary) {
   // Models other than these three reach 19200 baud.
   info.most_speed = 19200;
   info.fast_models = {"FX3S", "FX3G", "FX3U"};
-  info.models = fx::model_names();
-  info.kin = fx::kin_names();
+  info.models = kFxModels;
+  info.kin = kFxKin;
   info.model_meaning = kFxModel;
   info.address_forms = kFxAddresses;
   return info;
@@ -209,8 +222,8 @@ ProtocolInfo mc_1e() {
   info.on_serial = false;
   info.on_udp = true;
   info.multidrop = true;
-  info.models = mc::one_e_model_names();
-  info.kin = mc::one_e_kin_names();
+  info.models = kOneEModels;
+  info.kin = kOneEKin;
   info.address_forms = kMcAddresses;
   info.model_meaning =
       "Model of the PLC. `auto`: the agent asks an FX3, and `check` uses the ranges of the FX3U, "
@@ -251,8 +264,8 @@ ProtocolInfo mc_protocol(std::string_view name, std::string_view summary) {
   info.name = name;
   info.summary = summary;
   info.multidrop = true;
-  info.models = mc::model_names();
-  info.kin = mc::kin_names();
+  info.models = kMcModels;
+  info.kin = kMcKin;
   info.address_forms = kMcAddresses;
   info.last_is_widest = false;
   info.model_meaning =
@@ -302,7 +315,7 @@ void add_hints(ProtocolInfo& info) {
       "is Communication Data Code `code`; is this a built-in port (it needs mc-3e)",
       "each line of the Open Setting in GX Works2 serves one connection: is another program using "
       "this one? Give the agent a line with a port of its own"};
-  for (const std::string_view model : mc::model_names())
+  for (const std::string_view model : kMcModels)
     info.model_hints.emplace_back(model, model == "Q" || model == "L" ? works2 : works3);
   if (info.name != "mc-3e") return;
   info.hints.silent = info.hints.silent.substr(0, info.hints.silent.find(" or a built-in port"));

@@ -9,11 +9,6 @@
 namespace fxagent::fx {
 namespace {
 
-constexpr std::array<std::string_view, 7> kModelNames = {"FX0N", "FX1S", "FX1N", "FX2N",
-                                                         "FX3S", "FX3G", "FX3U"};
-// Compact forms of other models, and the one with Ethernet.
-constexpr std::array<std::string_view, 5> kKinNames = {"FX1NC", "FX2NC", "FX3GC", "FX3GE", "FX3UC"};
-
 constexpr std::array<std::string_view, 12> kLetters = {"X", "Y", "M",  "S",  "D",  "R",
                                                        "T", "C", "TN", "TS", "CN", "CS"};
 constexpr std::string_view kForms = "X0 Y0 (octal) M0 S0 D0 R0 TN0 TS0 CN0 CS0, T0 C0, D0.F, K4M0";
@@ -46,10 +41,6 @@ Result<std::string> letters_in(std::string_view text) {
 }
 
 }  // namespace
-
-std::span<const std::string_view> model_names() { return kModelNames; }
-
-std::span<const std::string_view> kin_names() { return kKinNames; }
 
 std::optional<Model> model_named(std::string_view name) {
   const auto known = mc::model_named(name);

@@ -4,7 +4,6 @@
 
 #include <cstdint>
 #include <optional>
-#include <span>
 #include <string>
 #include <string_view>
 
@@ -23,12 +22,8 @@ using mc::Space;
 using mc::span_of;
 using mc::to_string;
 
-/// Returns the seven models, in the order of the enumeration.
-std::span<const std::string_view> model_names();
-/// Returns further names that the config may use: FX3UC and others, which have the memory of the
-/// model without the last letter.
-std::span<const std::string_view> kin_names();
-/// Returns nullopt if `name` is in neither model_names() nor kin_names().
+/// Finds a model up to the FX3U. FX3UC and others are further names, and have the memory of the
+/// model without the last letter. Returns nullopt for any other name.
 std::optional<Model> model_named(std::string_view name);
 
 /// True if requests of some FX name devices of this space. Coils of timers and counters are named

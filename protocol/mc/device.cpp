@@ -3,18 +3,13 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <span>
 
 #include "protocol/letter_case.h"
 #include "protocol/range_ends.h"
 
 namespace fxagent::mc {
 namespace {
-
-constexpr std::array<std::string_view, 6> kNames = {"FX5U", "FX5UJ", "FX5S", "Q", "L", "iQ-R"};
-constexpr std::array<std::string_view, 1> kKinNames = {"FX5UC"};
-// The widest model that reports its own name comes last.
-constexpr std::array<std::string_view, 4> kOneENames = {"Q", "L", "FX3G", "FX3U"};
-constexpr std::array<std::string_view, 3> kOneEKinNames = {"FX3GC", "FX3GE", "FX3UC"};
 
 /// A further name of a model.
 struct Kin {
@@ -389,11 +384,6 @@ Series series_of(Model model) { return facts_of(model).series; }
 bool is_fx(Model model) {
   return series_of(model) == Series::fx || series_of(model) == Series::fx3;
 }
-
-std::span<const std::string_view> model_names() { return kNames; }
-std::span<const std::string_view> kin_names() { return kKinNames; }
-std::span<const std::string_view> one_e_model_names() { return kOneENames; }
-std::span<const std::string_view> one_e_kin_names() { return kOneEKinNames; }
 
 std::string_view to_string(Model model) { return facts_of(model).name; }
 

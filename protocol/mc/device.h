@@ -8,7 +8,6 @@
 
 #include <cstdint>
 #include <optional>
-#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -51,14 +50,10 @@ Series series_of(Model model);
 /// True for every FX up to the FX3.
 bool is_fx(Model model);
 
-/// Return the models with 3E, 4E and C frames, and those with 1E; each with further names for them.
-std::span<const std::string_view> model_names();
-std::span<const std::string_view> kin_names();
-std::span<const std::string_view> one_e_model_names();
-std::span<const std::string_view> one_e_kin_names();
 /// Returns "FX5U" or "iQ-R"; empty for an unknown model.
 std::string_view to_string(Model model);
-/// Finds a name of all four lists above or of an FX (fx/device.h); nullopt for any other name.
+/// Finds a model by its own name or by that of its kin: "FX3UC" is an FX3U. nullopt for other
+/// names.
 std::optional<Model> model_named(std::string_view name);
 /// Returns the model as 1E frames see it: a Q or L has only the devices of an A series PLC, and an
 /// unknown model is an FX3.

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "protocol/catalog.h"
 #include "tests/support/says.h"
 
 namespace fxagent::fx {
@@ -167,7 +168,7 @@ TEST(Device, ARefusalNamesTheModelAndItsRanges) {
 }
 
 TEST(Device, EveryDeviceOfEveryModelIsReadBackFromItsOwnName) {
-  for (const std::string_view name : model_names()) {
+  for (const std::string_view name : find_protocol("fx-computer-link")->models) {
     const Model model = *model_named(name);
     EXPECT_EQ(to_string(model), name);
     for (std::uint16_t i = 0; i < kSpaces; ++i) {
@@ -193,7 +194,7 @@ TEST(Device, CoilsShareTheNumbersOfTheirTimersAndCounters) {
 }
 
 TEST(Device, ModelNamesAreKnownByTheirExactSpelling) {
-  EXPECT_EQ(model_names().size(), 7U);
+  EXPECT_EQ(find_protocol("fx-computer-link")->models.size(), 7U);
   EXPECT_EQ(model_named("FX3U"), Model::fx3u);
   EXPECT_EQ(model_named("auto"), std::nullopt);
   EXPECT_EQ(to_string(Model::unknown_fx), "");

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "protocol/catalog.h"
 #include "protocol/plan/plan.h"
 #include "protocol/value/pack.h"
 #include "tests/protocol/answers.h"
@@ -403,7 +404,7 @@ TEST(ProgrammingPort, AFoundModelKeepsTheOtherSettings) {
   EXPECT_EQ(model_of(*found), "FX3G");
   EXPECT_EQ(found->addresses().read_ways(id(Space::d))[0].max_bits, 2032U);
   EXPECT_EQ(port().with_model("FX9"), nullptr);
-  for (const std::string_view name : model_names())
+  for (const std::string_view name : find_protocol("fx-programming-port")->models)
     EXPECT_EQ(model_of(*port().with_model(name)), name);
 }
 

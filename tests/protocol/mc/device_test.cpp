@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "protocol/catalog.h"
 #include "tests/support/says.h"
 
 namespace fxagent::mc {
@@ -350,13 +351,13 @@ TEST(McDevice, CodesOfNothingAreNone) {
 }
 
 TEST(McDevice, ModelNamesAreKnownByTheirExactSpelling) {
-  for (const auto names : {model_names(), one_e_model_names()})
-    for (const std::string_view name : names) {
+  for (const ProtocolInfo& protocol : catalog()) {
+    for (const std::string_view name : protocol.models) {
       ASSERT_TRUE(model_named(name)) << name;
       EXPECT_EQ(to_string(*model_named(name)), name);
     }
-  for (const auto names : {kin_names(), one_e_kin_names()})
-    for (const std::string_view name : names) EXPECT_TRUE(model_named(name)) << name;
+    for (const std::string_view name : protocol.kin) EXPECT_TRUE(model_named(name)) << name;
+  }
   EXPECT_EQ(to_string(*model_named("FX5UC")), "FX5U");
   EXPECT_EQ(to_string(*model_named("FX3UC")), "FX3U");
   EXPECT_EQ(model_named("auto"), std::nullopt);
