@@ -2,14 +2,19 @@
 
 #include <algorithm>
 #include <array>
+#include <initializer_list>
 #include <variant>
 
 namespace fxagent::modbus {
 namespace {
 
-void append_16(Bytes& out, std::uint32_t value) {
-  out.push_back(static_cast<std::uint8_t>(value >> 8));
-  out.push_back(static_cast<std::uint8_t>(value));
+/// Returns a function and numbers of two bytes, the high one first.
+Bytes pdu_of(Function function, std::initializer_list<std::uint32_t> numbers) {
+  Bytes pdu{code(function)};
+  for (const std::uint32_t number : numbers)
+    pdu.insert(pdu.end(),
+               {static_cast<std::uint8_t>(number >> 8), static_cast<std::uint8_t>(number)});
+  return pdu;
 }
 
 tl::unexpected<Error> cannot(std::string text) {
@@ -54,10 +59,7 @@ Result<Bytes> encode_read(const Read& read) {
   const std::uint32_t most = is_bit_table(read.span.space) ? kMaxReadBits : kMaxReadRegisters;
   if (read.way != 0 || place->count > most)
     return refuse("a read takes at most " + std::to_string(most));
-  Bytes pdu{code(read_function(read.span.space))};
-  append_16(pdu, place->number);
-  append_16(pdu, place->count);
-  return pdu;
+  return pdu_of(read_function(read.span.space), {place->number, place->count});
 }
 
 Result<Bytes> encode_write(const Write& write) {
@@ -69,17 +71,12 @@ Result<Bytes> encode_write(const Write& write) {
   const std::uint32_t most = space == Space::coil ? kMaxWriteBits : kMaxWriteRegisters;
   if (place->count > most || write.image.size() != (write.span.bits + 7) / 8)
     return refuse("a write takes at most " + std::to_string(most) + ", and their image");
-  Bytes pdu;
   if (space == Space::holding_register && place->count == 1 &&
-      write.way == id(WriteWay::first_choice)) {
-    pdu.push_back(code(Function::write_register));
-    append_16(pdu, place->number);
-    append_16(pdu, std::uint32_t{write.image[0]} | std::uint32_t{write.image[1]} << 8U);
-    return pdu;
-  }
-  pdu.push_back(code(space == Space::coil ? Function::write_coils : Function::write_registers));
-  append_16(pdu, place->number);
-  append_16(pdu, place->count);
+      write.way == id(WriteWay::first_choice))
+    return pdu_of(Function::write_register,
+                  {place->number, write.image[0] | std::uint32_t{write.image[1]} << 8U});
+  Bytes pdu = pdu_of(space == Space::coil ? Function::write_coils : Function::write_registers,
+                     {place->number, place->count});
   pdu.push_back(static_cast<std::uint8_t>(write.image.size()));
   const Bytes data =
       space == Space::coil ? extract_bits(write.image, 0, write.span.bits) : swapped(write.image);
@@ -93,10 +90,7 @@ Result<Bytes> encode_force(const Force& force) {
       return encode_write(
           {{force.space, force.bit, 1}, {force.on ? std::uint8_t{1} : std::uint8_t{0}}});
     if (force.bit >= kNumbers) return refuse("the numbers end at 65535");
-    Bytes pdu{code(Function::write_coil)};
-    append_16(pdu, force.bit);
-    append_16(pdu, force.on ? 0xFF00 : 0);
-    return pdu;
+    return pdu_of(Function::write_coil, {force.bit, force.on ? 0xFF00U : 0U});
   }
   if (force.space != id(Space::holding_register)) return refuse("this bit cannot be written");
   if (force.way == id(WriteWay::read_modify_write))
@@ -104,11 +98,9 @@ Result<Bytes> encode_force(const Force& force) {
   const std::uint32_t number = force.bit / 16;
   if (number >= kNumbers) return refuse("the numbers end at 65535");
   const std::uint32_t mask = 1U << (force.bit % 16);
-  Bytes pdu{code(Function::mask_write)};
-  append_16(pdu, number);
-  append_16(pdu, ~mask & 0xFFFF);       // AND mask: bits that stay
-  append_16(pdu, force.on ? mask : 0);  // OR mask: bits to set
-  return pdu;
+  const std::uint32_t and_mask = ~mask & 0xFFFF;  // bits that stay
+  const std::uint32_t or_mask = force.on ? mask : 0;
+  return pdu_of(Function::mask_write, {number, and_mask, or_mask});
 }
 
 // 6.21, device identification: MEI type 14, the basic objects (maker, product, version) from the
