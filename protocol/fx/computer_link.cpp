@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <utility>
 
 #include "protocol/checklist.h"
 #include "protocol/encoding.h"
@@ -20,18 +21,11 @@ constexpr std::size_t kLongestFrame = kLinkHeader + 256 + 1 + 2 + 2;
 constexpr int kSumMismatch = 0x02;
 constexpr int kNoDevice = 0x06;
 
-/// Codes of the models in answers to PC, JY992D69901 8.8; FX3 from JY997D16901, F4 from the
-/// FX3U-ENET manual. The code of FX3S is unknown.
-struct TypeCode {
-  int code;
-  Model model;
-};
-constexpr std::array<TypeCode, 6> kTypeCodes = {{{0xF2, Model::fx1s},
-                                                 {0x8E, Model::fx0n},
-                                                 {0x9E, Model::fx1n},
-                                                 {0x9D, Model::fx2n},
-                                                 {0xF3, Model::fx3u},
-                                                 {0xF4, Model::fx3g}}};
+// Codes of the models in answers to PC, JY992D69901 8.8; FX3 from JY997D16901, F4 from the
+// FX3U-ENET manual. The code of FX3S is unknown.
+constexpr std::pair<int, Model> kTypeCodes[] = {{0xF2, Model::fx1s}, {0x8E, Model::fx0n},
+                                                {0x9E, Model::fx1n}, {0x9D, Model::fx2n},
+                                                {0xF3, Model::fx3u}, {0xF4, Model::fx3g}};
 
 /// Returns the characters of data in the answer to a request; 0: it has none.
 std::uint32_t data_chars(const Request& request) {
@@ -178,28 +172,22 @@ RefusalMeaning ComputerLink::meaning_of(const Request& request, int device_code)
 }
 
 std::string_view link_refusal(int code) {
-  switch (code) {
-    case kSumMismatch:
-      return "the PLC found a wrong sum";
-    case 0x03:
-      return "the PLC is set to another format or procedure (D8120)";
-    case kNoDevice:
-      return "the device does not exist, or too many points";
-    case 0x07:
-      return "the data are not hex digits";
-    case 0x0A:
-    case 0x10:
-      return "the PLC number is not FF";
-    case 0x18:
-      return "remote RUN or STOP is not possible";
-    default:
-      return "a reason that the manual does not list";
-  }
+  constexpr std::pair<int, std::string_view> kReasons[] = {
+      {kSumMismatch, "the PLC found a wrong sum"},
+      {0x03, "the PLC is set to another format or procedure (D8120)"},
+      {kNoDevice, "the device does not exist, or too many points"},
+      {0x07, "the data are not hex digits"},
+      {0x0A, "the PLC number is not FF"},
+      {0x10, "the PLC number is not FF"},
+      {0x18, "remote RUN or STOP is not possible"}};
+  for (const auto& [known, text] : kReasons)
+    if (known == code) return text;
+  return "a reason that the manual does not list";
 }
 
 std::string_view link_model(int code) {
-  for (const TypeCode& known : kTypeCodes)
-    if (known.code == code) return to_string(known.model);
+  for (const auto& [known, model] : kTypeCodes)
+    if (known == code) return to_string(model);
   return {};
 }
 
