@@ -328,10 +328,9 @@ TEST(Modbus, AnswersOfOtherUnitsAreWaitedPast) {
 TEST(Modbus, ALateAnswerIsToldByItsNumberOnTcp) {
   const Modbus codec = unit(255, Framing::tcp);
   EXPECT_TRUE(needs_more(codec, kRead, kTcpAnswer, 0x1504));
-  const auto reply = codec.decode(
-      kRead, 0x1504, hex(kTcpAnswer + " 15 04 00 00 00 09 FF 03 06 00 01 00 02 00 03"));
-  ASSERT_TRUE(reply && *reply);
-  EXPECT_EQ((*reply)->image, (Bytes{1, 0, 2, 0, 3, 0}));
+  const Reply reply = answer(
+      codec, kRead, hex(kTcpAnswer + " 15 04 00 00 00 09 FF 03 06 00 01 00 02 00 03"), 0x1504);
+  EXPECT_EQ(reply.image, (Bytes{1, 0, 2, 0, 3, 0}));
 }
 
 TEST(Modbus, AHeaderOfNonsenseEndsTheConnection) {
@@ -359,25 +358,22 @@ TEST(Modbus, ALateAnswerToAnotherWriteIsPassedOver) {
   const Request write = Write{{kHolding, 16, 16}, {4, 0}};
   EXPECT_TRUE(needs_more(codec, write, "11 06 00 01 00 03 9A 9B"));
   const Bytes right = sent(codec, write);
-  const auto reply = codec.decode(write, 0, hex("11 06 00 01 00 03 9A 9B " + to_hex(right)));
-  ASSERT_TRUE(reply && *reply);
-  EXPECT_EQ((*reply)->kind, Reply::Kind::ack);
-  EXPECT_EQ((*reply)->consumed, 16U);
+  const Reply reply = answer(codec, write, hex("11 06 00 01 00 03 9A 9B " + to_hex(right)), 0);
+  EXPECT_EQ(reply.kind, Reply::Kind::ack);
+  EXPECT_EQ(reply.consumed, 16U);
 }
 
 TEST(Modbus, AWholeAnswerThatIsNotThisOnesIsPassedOverWhateverItHolds) {
   const Modbus codec = unit(17);
   // One register, for an abandoned request; the expected answer follows directly.
   EXPECT_TRUE(needs_more(codec, kRead, "11 03 02 00 64 78 6C"));
-  auto reply = codec.decode(kRead, 0, hex("11 03 02 00 64 78 6C " + kRtuAnswer));
-  ASSERT_TRUE(reply && *reply);
-  EXPECT_EQ((*reply)->consumed, 18U);
+  Reply reply = answer(codec, kRead, hex("11 03 02 00 64 78 6C " + kRtuAnswer), 0);
+  EXPECT_EQ(reply.consumed, 18U);
   // Registers of unit 5 that look like the beginning of an answer from unit 17.
   const std::string other = "05 03 06 11 03 06 02 2B 00 EB 4C ";
   EXPECT_TRUE(needs_more(codec, kRead, other));
-  reply = codec.decode(kRead, 0, hex(other + kRtuAnswer));
-  ASSERT_TRUE(reply && *reply);
-  EXPECT_EQ((*reply)->image, (Bytes{0x2B, 0x02, 0, 0, 0x64, 0}));
+  reply = answer(codec, kRead, hex(other + kRtuAnswer), 0);
+  EXPECT_EQ(reply.image, (Bytes{0x2B, 0x02, 0, 0, 0x64, 0}));
   // A function whose answers have no length field.
   EXPECT_TRUE(needs_more(codec, kRead, "11 07 6D E2 18"));
 }
@@ -393,33 +389,30 @@ TEST(Modbus, ADeviceSaysWhoMadeIt) {
     const Modbus codec({.framing = framing, .unit = 17});
     const auto request = codec.identity().value();
     EXPECT_EQ(sent(codec, request), framed(framing, 17, hex("2B 0E 01 00"), 0));
-    const Bytes answer = framed(framing, 17, hex(kIdentity), 0);
+    const Bytes frame = framed(framing, 17, hex(kIdentity), 0);
     // Not before the last byte.
-    for (std::size_t length = 0; length < answer.size(); ++length)
-      ASSERT_TRUE(needs_more(codec, request, to_hex(ByteView(answer).first(length)))) << length;
-    const auto reply = codec.decode(request, 0, answer);
-    ASSERT_TRUE(reply && *reply);
-    EXPECT_EQ(std::string((*reply)->image.begin(), (*reply)->image.end()),
+    for (std::size_t length = 0; length < frame.size(); ++length)
+      ASSERT_TRUE(needs_more(codec, request, to_hex(ByteView(frame).first(length)))) << length;
+    const Reply reply = answer(codec, request, frame, 0);
+    EXPECT_EQ(std::string(reply.image.begin(), reply.image.end()),
               "Company identification, Product code XX, V2.11");
-    EXPECT_EQ((*reply)->consumed, answer.size());
+    EXPECT_EQ(reply.consumed, frame.size());
   }
 }
 
 TEST(Modbus, AnIdentityIsPrintable) {
   const Modbus codec = unit(17);
-  const auto reply =
-      codec.decode(*codec.identity(), 0,
-                   framed(Framing::rtu, 17, hex("2B 0E 01 01 00 00 01 00 03 41 1B C3"), 0));
-  ASSERT_TRUE(reply && *reply);
-  EXPECT_EQ((*reply)->image, (Bytes{'A', '?', '?'}));
+  const Reply reply =
+      answer(codec, *codec.identity(),
+             framed(Framing::rtu, 17, hex("2B 0E 01 01 00 00 01 00 03 41 1B C3"), 0), 0);
+  EXPECT_EQ(reply.image, (Bytes{'A', '?', '?'}));
 }
 
 TEST(Modbus, AnIdentityMayHaveMore) {
   const Modbus codec = unit(17);
-  const auto reply = codec.decode(
-      *codec.identity(), 0, framed(Framing::rtu, 17, hex("2B 0E 01 01 FF 01 01 00 01 41"), 0));
-  ASSERT_TRUE(reply && *reply);
-  EXPECT_EQ(std::string((*reply)->image.begin(), (*reply)->image.end()), "A, and more");
+  const Reply reply = answer(codec, *codec.identity(),
+                             framed(Framing::rtu, 17, hex("2B 0E 01 01 FF 01 01 00 01 41"), 0), 0);
+  EXPECT_EQ(std::string(reply.image.begin(), reply.image.end()), "A, and more");
 }
 
 TEST(Modbus, AnotherEncapsulatedInterfaceIsNoIdentity) {
@@ -436,9 +429,9 @@ TEST(Modbus, AnIdentityWithObjectsBeyondItsFrameIsBad) {
 
 TEST(Modbus, ADeviceWithoutAnIdentityRefuses) {
   const Modbus codec = unit(17);
-  const auto reply = codec.decode(*codec.identity(), 0, framed(Framing::rtu, 17, hex("AB 01"), 0));
-  ASSERT_TRUE(reply && *reply);
-  EXPECT_EQ((*reply)->device_code, 1);
+  const Reply reply =
+      answer(codec, *codec.identity(), framed(Framing::rtu, 17, hex("AB 01"), 0), 0);
+  EXPECT_EQ(reply.device_code, 1);
   EXPECT_FALSE(unit(0).identity());
 }
 
@@ -449,9 +442,8 @@ TEST(Modbus, AReadOfRegister768IsNotAnsweredByItsOwnEcho) {
   const std::string echo = "11 03 03 00 00 02 C6 DF";
   EXPECT_EQ(to_hex(sent(codec, read)), echo);
   EXPECT_TRUE(needs_more(codec, read, echo));
-  const auto reply = codec.decode(read, 0, hex(echo + " 11 03 04 00 01 00 02 3B F3"));
-  ASSERT_TRUE(reply && *reply);
-  EXPECT_EQ((*reply)->image, (Bytes{1, 0, 2, 0}));
+  const Reply reply = answer(codec, read, hex(echo + " 11 03 04 00 01 00 02 3B F3"), 0);
+  EXPECT_EQ(reply.image, (Bytes{1, 0, 2, 0}));
 }
 
 // The protocol cannot distinguish these from an echo. They count as answers, because most lines
@@ -461,24 +453,21 @@ TEST(Modbus, AnAnswerWithTheBytesOfItsQuestionIsAnAnswer) {
   const Request coils = Read{{kCoil, 0x3AB, 24}};
   const std::string line = "11 01 03 AB 00 18 4F 34";
   EXPECT_EQ(to_hex(sent(codec, coils)), line);
-  const auto reply = codec.decode(coils, 0, hex(line));
-  ASSERT_TRUE(reply && *reply);
-  EXPECT_EQ((*reply)->image, (Bytes{0xAB, 0x00, 0x18}));
+  const Reply reply = answer(codec, coils, hex(line), 0);
+  EXPECT_EQ(reply.image, (Bytes{0xAB, 0x00, 0x18}));
   for (const Request& write :
        {Request(Force{kCoil, 0xAC, true}), Request(Write{{kHolding, 16, 16}, {3, 0}}),
         Request(Force{kHolding, 4 * 16 + 3, true})}) {
-    const auto echoed = codec.decode(write, 0, sent(codec, write));
-    ASSERT_TRUE(echoed && *echoed);
-    EXPECT_EQ((*echoed)->kind, Reply::Kind::ack);
+    const Reply echoed = answer(codec, write, sent(codec, write), 0);
+    EXPECT_EQ(echoed.kind, Reply::Kind::ack);
   }
 }
 
 TEST(Modbus, AsciiBeginsAnewAtEveryColonAndTakesLowerCase) {
   const Modbus codec = unit(17, Framing::ascii);
   const Request read = Read{{kInputRegister, 128, 16}};
-  const auto reply = codec.decode(read, 0, ascii("xx:11:1104:110402000adf\r\n"));
-  ASSERT_TRUE(reply && *reply);
-  EXPECT_EQ((*reply)->image, (Bytes{10, 0}));
+  const Reply reply = answer(codec, read, ascii("xx:11:1104:110402000adf\r\n"), 0);
+  EXPECT_EQ(reply.image, (Bytes{10, 0}));
   EXPECT_FALSE(codec.decode(read, 0, ascii(":110402000AD\r\n")));
   EXPECT_FALSE(codec.decode(read, 0, ascii(":110402000ADF\rx")));
   EXPECT_FALSE(codec.decode(read, 0, ascii(":1104G2000ADF\r\n")));
@@ -493,10 +482,9 @@ TEST(Modbus, ABabblingLineIsNamed) {
 
 TEST(Modbus, AnExceptionThatTheSpecificationDoesNotKnowIsShownAsItIs) {
   const Modbus codec = unit(255, Framing::tcp);
-  const auto reply = codec.decode(kRead, 0, hex("00 00 00 00 00 03 FF 83 7F"));
-  ASSERT_TRUE(reply && *reply);
-  EXPECT_EQ((*reply)->text, "exception 7F: not in the specification");
-  EXPECT_EQ((*reply)->device_code, 0x7F);
+  const Reply reply = answer(codec, kRead, hex("00 00 00 00 00 03 FF 83 7F"), 0);
+  EXPECT_EQ(reply.text, "exception 7F: not in the specification");
+  EXPECT_EQ(reply.device_code, 0x7F);
 }
 
 TEST(Modbus, ExceptionsMeanWhatTheyMeanToReadsAndToWrites) {
