@@ -39,7 +39,7 @@ Result<Bytes> image_of(const Request& request, ByteView data) {
   if (read == nullptr) return bytes_in(data);
   if (read->way == ComputerLink::kBitWay)
     return mc::bits_in(mc::Code::ascii, data, read->span.bits);
-  const std::uint32_t bits = kind_of(static_cast<Space>(read->span.space)).bits;
+  const std::uint32_t bits = width_of(read->span.space);
   return mc::image_in(mc::Code::ascii, data, std::max<std::uint32_t>(bits, 16) / 8);
 }
 

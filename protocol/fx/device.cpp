@@ -83,7 +83,7 @@ Result<void> check_range(Model model, const Span& span) {
 Result<void> check_write(Model model, const Span& span) {
   if (const auto present = fx::check_range(model, span); !present) return present;
   if (const auto allowed = mc::check_write(model, span); !allowed) return allowed;
-  const bool is_bits = kind_of(static_cast<Space>(span.space)).bits == 1;
+  const bool is_bits = width_of(span.space) == 1;
   if (is_bits && span.bits != 1 && (span.first_bit % 8 != 0 || span.bits % 8 != 0))
     return refuse(
         device_name(span) + ": a write of several bits must begin at a multiple of 8, such as " +

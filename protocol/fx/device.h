@@ -21,6 +21,7 @@ using mc::numbers_of;
 using mc::Space;
 using mc::span_of;
 using mc::to_string;
+using mc::width_of;
 
 /// Finds a model up to the FX3U. FX3UC and others are further names, and have the memory of the
 /// model without the last letter. Returns nullopt for any other name.

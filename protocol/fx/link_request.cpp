@@ -27,8 +27,6 @@ const PointLimits& limits_of(Model model) {
   return narrow ? kNarrow : kWide;
 }
 
-bool is_bit_space(std::uint16_t space) { return kind_of(static_cast<Space>(space)).bits == 1; }
-
 /// Characters of a device name: five, or seven in the Q commands, which alone reach R.
 constexpr std::size_t kShortName = 5;
 constexpr std::size_t kLongName = 7;
@@ -57,7 +55,7 @@ constexpr std::uint32_t kAlign = 8;
 /// Checks a write. BW and BT replace exactly the bits that they name, so each bit is checked alone.
 /// WW of bits carries only whole words.
 Result<void> check_exact(Model model, const Span& span) {
-  const bool few_bits = is_addressed(span.space) && is_bit_space(span.space) && span.bits != 0 &&
+  const bool few_bits = is_addressed(span.space) && width_of(span.space) == 1 && span.bits != 0 &&
                         span.bits <= kWide.bw;
   if (!few_bits) return fx::check_write(model, span);
   for (std::uint32_t i = 0; i < span.bits; ++i)
@@ -91,7 +89,7 @@ Result<Bytes> encode_write(const Settings& settings, const Write& write) {
   const Span& span = write.span;
   if (const auto allowed = check_exact(settings.model, span); !allowed) return fail(allowed);
   const PointLimits& limits = limits_of(settings.model);
-  const std::uint32_t bits = kind_of(static_cast<Space>(span.space)).bits;
+  const std::uint32_t bits = width_of(span.space);
   const bool by_bits = bits == 1 && !mc::is_words(span, kAlign);
   const std::uint32_t unit = by_bits ? 1 : std::max<std::uint32_t>(bits, 16);
   const std::uint32_t most = by_bits      ? limits.bw
@@ -175,7 +173,7 @@ std::vector<ReadWay> ComputerLink::read_ways(std::uint16_t space_id) const {
 
 std::uint32_t ComputerLink::max_write_bits(std::uint16_t space) const {
   if (!is_addressed(space)) return 0;
-  const std::uint32_t bits = kind_of(static_cast<Space>(space)).bits;
+  const std::uint32_t bits = width_of(space);
   const PointLimits& limits = limits_of(settings_.model);
   // For bits, as many whole bytes as BW carries: a remainder shorter than a word must fit, too.
   const std::uint32_t unit = std::max<std::uint32_t>(bits, 8);
@@ -192,7 +190,7 @@ Result<Bytes> ComputerLink::encode(const Request& request, std::uint16_t /*tag*/
   if (const auto* scatter = std::get_if<Scatter>(&request))
     return encode_scatter(settings_, *scatter);
   if (const auto* force = std::get_if<Force>(&request)) {
-    if (is_addressed(force->space) && !is_bit_space(force->space))
+    if (is_addressed(force->space) && width_of(force->space) != 1)
       return refuse(device_name({force->space, force->bit, 1}) +
                     " is a word: only bits can be forced");
     return encode_write(settings_, write_of(*force));

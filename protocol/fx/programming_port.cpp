@@ -256,7 +256,7 @@ std::vector<std::uint32_t> ProgrammingPort::borders(std::uint16_t space) const {
 
 std::uint32_t ProgrammingPort::max_write_bits(std::uint16_t space) const {
   if (space >= kSpaces) return 0;
-  const std::uint32_t unit = std::max<std::uint32_t>(kind_of(static_cast<Space>(space)).bits, 8);
+  const std::uint32_t unit = std::max<std::uint32_t>(width_of(space), 8);
   return std::max(std::min(settings_.max_block_bytes, kClassicBytes) * 8 / unit * unit, unit);
 }
 
