@@ -282,6 +282,13 @@ class InChromium(Browser, PagePlant):
     def open(self, view, **more):
         self.do(open=f"http://127.0.0.1:{self.port}/#{view}", **more)
 
+    def begin_at(self, view="now", text="Every device answers", **more):
+        """Begins, and opens a view, which shows `text`."""
+        self.begin(**more)
+        self.browse()
+        self.open(view)
+        self.see(text)
+
     def wait_for_two_answers(self, **more):
         """Waits until the page has drawn the time of one more answer of the agent, and then of another."""
         for before in ("before1", "before2"):
@@ -328,10 +335,7 @@ class InChromium(Browser, PagePlant):
         self.see("words swapped")
 
     def test_what_is_wrong_is_shown_and_goes_again(self):
-        self.begin()
-        self.browse()
-        self.open("now")
-        self.see("Every device answers")
+        self.begin_at()
         self.sim.fault("press2", "drop", count=100000)
         self.see("press2 cannot be reached")
         self.see("1 of 2 devices answers")
@@ -341,10 +345,7 @@ class InChromium(Browser, PagePlant):
         self.see("Every device answers")
 
     def test_an_agent_that_ends_is_missed(self):
-        self.begin()
-        self.browse()
-        self.open("now")
-        self.see("Every device answers")
+        self.begin_at()
         self.assertEqual(self.do(until="document.title"), "edge7 – fxagent")
         self.agent.stop()
         self.see("The agent does not answer", allowed=("ERR_CONNECTION_REFUSED",))
@@ -354,18 +355,12 @@ class InChromium(Browser, PagePlant):
         self.do(until="!document.body.innerText.includes('The agent does not answer')", allowed=("ERR_CONNECTION_REFUSED",))
 
     def test_an_agent_that_a_proxy_misses_is_missed(self):
-        self.begin()
-        self.browse()
-        self.open("now")
-        self.see("Every device answers")
+        self.begin_at()
         self.do(until="window.fetch = async () => new Response('<html>502 Bad Gateway</html>', {status: 502}), true")
         self.see("The agent does not answer: HTTP status 502")
 
     def test_an_agent_whose_config_cannot_be_had_is_missed(self):
-        self.begin()
-        self.browse()
-        self.open("now")
-        self.see("Every device answers")
+        self.begin_at()
         self.do(until="""window.fetch = ((real) => (path, more) => path === '/api/config' && !window.mended
             ? Promise.reject(new TypeError('planted')) : real(path, more))(window.fetch), true""")
         self.reload(lambda config: config["devices"][0]["tags"][0].update(name="warmth"))
@@ -375,10 +370,7 @@ class InChromium(Browser, PagePlant):
         self.do(until="document.title === 'edge7 – fxagent'")
 
     def test_an_agent_that_was_missed_once_is_well_again_without_any_change(self):
-        self.begin()
-        self.browse()
-        self.open("now")
-        self.see("Every device answers")
+        self.begin_at()
         # One question fails. From then on nothing has changed for a page that has the last answer.
         self.do(until="""window.fetch = ((real) => async (path, more) => {
             if (!window.failed) { window.failed = true; throw new TypeError('planted'); }
@@ -400,11 +392,9 @@ class InChromium(Browser, PagePlant):
 
     def test_a_command_asks_once_more_and_shows_its_result(self):
         token_file = write_text(os.path.join(self.directory, "token"), "anna 0123456789abcdef\n")
-        self.begin(http_more={"token_file": token_file}, recorder={"path": os.path.join(self.directory, "recordings")}, yields=True)
+        self.begin_at("commands", "Send a command", http_more={"token_file": token_file},
+                      recorder={"path": os.path.join(self.directory, "recordings")}, yields=True)
         self.ready()
-        self.browse()
-        self.open("commands")
-        self.see("Send a command")
         self.assertEqual(self.do(axe=True), [])
         for number, text in ((3, "total"), (4, "421")):
             self.do(fill=f"label:nth-of-type({number}) input", text=text)
@@ -454,9 +444,7 @@ class InChromium(Browser, PagePlant):
             self.do(until=f"document.body.innerText.includes('words swapped') === {shown}")
 
     def test_a_renamed_tag_is_plotted_under_its_new_name(self):
-        self.begin()
-        self.browse()
-        self.open("values")
+        self.begin_at("values", "6 tags")
         self.do(click="[aria-label='plot press1 temp']")
         self.do(until="document.querySelector('.legend')?.innerText.includes('press1 temp')")
         self.do(click="text=Pause")
@@ -467,9 +455,7 @@ class InChromium(Browser, PagePlant):
         self.do(until="document.querySelector('.plot path').getAttribute('d').includes('L')")
 
     def test_the_plot_is_still_there_after_another_view(self):
-        self.begin()
-        self.browse()
-        self.open("values")
+        self.begin_at("values", "6 tags")
         self.do(click="[aria-label='plot press1 temp']")
         self.do(click="text=Lines")
         self.see("Since the start")
@@ -478,9 +464,7 @@ class InChromium(Browser, PagePlant):
         self.see("6 tags")
 
     def test_the_curve_goes_on_while_other_views_are_shown(self):
-        self.begin()
-        self.browse()
-        self.open("values")
+        self.begin_at("values", "6 tags")
         self.do(click="[aria-label='plot press1 temp']")
         self.do(click="text=Lines")
         self.see("Since the start")
@@ -492,9 +476,7 @@ class InChromium(Browser, PagePlant):
         self.assertEqual(self.do(until="import('/data.js').then(({want}) => [...want.groups])"), ["0.0"], "no others")
 
     def test_the_size_of_a_store_is_a_plain_number(self):
-        self.begin()
-        self.browse()
-        self.open("now")
+        self.begin_at()
         self.assertEqual(self.do(until="import('/words.js').then(({bytes}) => [999, 1000, 999400, 999600, 2e12].map(bytes))"),
                          ["999 bytes", "1.00 kB", "999 kB", "1.00 MB", "2.00 TB"])
 
@@ -516,18 +498,12 @@ class InChromium(Browser, PagePlant):
 
     def test_a_reload_takes_the_button_of_a_link_away(self):
         token_file = write_text(os.path.join(self.directory, "token"), "0123456789abcdef\n")
-        self.begin(http_more={"token_file": token_file}, yields=True)
-        self.browse()
-        self.open("lines")
-        self.see("Free the port")
+        self.begin_at("lines", "Free the port", http_more={"token_file": token_file}, yields=True)
         self.reload(lambda config: config["links"][0].update(allow_yield=False))
         self.do(until="!document.body.innerText.includes('Free the port')")
 
     def test_a_view_that_fails_does_not_end_the_polling(self):
-        self.begin()
-        self.browse()
-        self.open("lines")
-        self.see("Since the start")
+        self.begin_at("lines", "Since the start")
         self.do(until="import('/data.js').then(({data}) => Boolean(data.devices.get = () => { throw new Error('planted'); }))",
                 allowed=("planted",))
         self.wait_for_two_answers(allowed=("planted",))
@@ -541,10 +517,7 @@ class InChromium(Browser, PagePlant):
                 self.see("Every device answers")
 
     def test_a_plan_of_another_config_is_not_drawn(self):
-        self.begin()
-        self.browse()
-        self.open("now")
-        self.see("Every device answers")
+        self.begin_at()
         self.do(until="""window.fetch = ((real) => async (path, more) => path.startsWith('/api/plan')
             ? (window.planned = Response.json({hash: 'another', groups: [{d: 7, g: 0, exchanges: 1, ms: 1}]})) : await real(path, more))(window.fetch), true""")
         self.do(click="text=Lines")
@@ -555,11 +528,8 @@ class InChromium(Browser, PagePlant):
     def test_the_form_writes_arrays_and_explains_a_wrong_number(self):
         token_file = write_text(os.path.join(self.directory, "token"), "0123456789abcdef\n")
         marks = {"name": "marks", "address": "M104", "type": "bool", "count": 8, "access": "read_write"}
-        self.begin(http_more={"token_file": token_file}, more_tags=[marks])
+        self.begin_at("commands", "Send a command", http_more={"token_file": token_file}, more_tags=[marks])
         self.ready()
-        self.browse()
-        self.open("commands")
-        self.see("Send a command")
         self.fill_command("marks", "on off on off off off off on")
         self.see("SUCCEEDED")
         self.assertEqual([self.sim.get("press1", f"M{number}") for number in range(104, 112)], [1, 0, 1, 0, 0, 0, 0, 1])
@@ -568,10 +538,7 @@ class InChromium(Browser, PagePlant):
 
     def test_without_devices_each_view_is_drawn(self):
         token_file = write_text(os.path.join(self.directory, "token"), "0123456789abcdef\n")
-        self.begin(http_more={"token_file": token_file})
-        self.browse()
-        self.open("config")
-        self.see("press1")
+        self.begin_at("config", "press1", http_more={"token_file": token_file})
         self.reload(lambda config: (config["links"].clear(), config["devices"].clear()))
         self.do(until="!document.querySelector('details')")
         for view in ("now", "values", "lines", "commands", "config"):
@@ -580,10 +547,7 @@ class InChromium(Browser, PagePlant):
                 self.wait_for_two_answers()
 
     def test_keyboard_alone_is_enough(self):
-        self.begin()
-        self.browse()
-        self.open("now")
-        self.see("Every device answers")
+        self.begin_at()
         self.do(press="Tab")  # to the link that skips the header
         self.do(press="Tab")
         self.do(press="Tab")
