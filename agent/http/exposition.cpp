@@ -268,17 +268,21 @@ class Page final {
   }
 
   void of_devices() {
-    using State = DeviceStatus::State;
     const auto whether = [](auto is_so) {
       return [is_so](const auto& device) {
-        return device == nullptr ? std::nullopt : std::optional(yes(is_so(device->state)));
+        return device == nullptr ? std::nullopt : std::optional(yes(is_so(*device)));
       };
     };
     of_each("fxagent_device_up", kGauge, "1 if the device answers.", config_.devices,
-            status_.devices, whether([](State state) { return state >= State::degraded; }));
+            status_.devices, whether(std::mem_fn(&DeviceStatus::is_alive)));
     of_each("fxagent_device_degraded", kGauge,
             "1 if the device answers but a tag is bad or its model is not known.", config_.devices,
-            status_.devices, whether([](State state) { return state == State::degraded; }));
+            status_.devices, whether([](const DeviceStatus& device) {
+              return device.state == DeviceStatus::State::degraded;
+            }));
+    of_each("fxagent_device_other_model", kGauge,
+            "1 if the PLC is another model than the config says.", config_.devices, status_.devices,
+            whether([](const DeviceStatus& device) { return !device.model_configured.empty(); }));
     const auto& counters = status_.field->devices;
     of_each("fxagent_polls_total", kCounter, "Poll cycles begun.", config_.devices, counters,
             [](const DeviceHealth& device) { return number(device.polls); });

@@ -127,7 +127,8 @@ class Examination final {
       Link& link = links_.at(device.link);
       ++link.devices;
       if (state != nullptr && state->is_alive()) ++online_;
-      if (state != nullptr && state->state != State::online) link.wrong.push_back(d);
+      if (state != nullptr && (state->state != State::online || !state->reason_text.empty()))
+        link.wrong.push_back(d);
       if (state != nullptr && state->state == State::offline && state->reason != "starting")
         ++link.silent;
       if (d < status_.refused.size() && !status_.refused[d].empty())
@@ -143,7 +144,10 @@ class Examination final {
     const DeviceStatus& state = *status_.devices[index];
     const bool is_offline = state.state == State::offline;
     add(is_offline && state.reason != "starting" ? Severity::bad : Severity::warn, "device " + name,
-        name + (is_offline ? " does not answer" : " answers in part") +
+        name +
+            (is_offline                       ? " does not answer"
+             : state.state == State::degraded ? " answers in part"
+                                              : " is not as configured") +
             (state.reason.empty() ? "" : " (" + state.reason + ")"),
         state.reason_text, state.since_ms);
   }
@@ -206,7 +210,7 @@ class Examination final {
   struct Link {
     std::size_t devices = 0;
     std::size_t silent = 0;            ///< offline, and not only starting
-    std::vector<std::size_t> wrong{};  ///< not online
+    std::vector<std::size_t> wrong{};  ///< not online, or with something to check
   };
 
   const AgentStatus& status_;

@@ -344,6 +344,16 @@ class InChromium(Browser, PagePlant):
         self.sim.clear_faults(plc="press2")
         self.see("Every device answers")
 
+    def test_a_plc_of_another_model_is_named_with_both_models(self):
+        self.begin_at()
+        self.reload(lambda config: config["devices"][1].update(model="FX2N"))
+        cure = "the PLC is an FX3U, but the config says FX2N: set model to FX3U"
+        for text in ("press2 is not as configured", cure, "2 of 2 devices answer"):
+            self.see(text)
+        self.do(until="document.title === '▲ edge7 – fxagent'")
+        self.open("lines/line2")
+        self.see(cure)
+
     def test_an_agent_that_ends_is_missed(self):
         self.begin_at()
         self.assertEqual(self.do(until="document.title"), "edge7 – fxagent")

@@ -65,7 +65,7 @@ function devices(l) {
     return [device.name, state(kindOf(now?.state), now?.state ?? 'starting'),
       now ? `${clock(now.since)} (${since(now.since, data.ts)})` : '',
       (now?.model || device.model) + (now?.run === false ? ', STOP' : now?.run ? ', RUN' : ''),
-      now?.reason ? `${now.reason}: ${now.cure}` : ''];
+      [now?.reason, now?.cure].filter(Boolean).join(': ')];
   }));
 }
 

@@ -83,6 +83,7 @@ TEST(Exposition, EachNumberOfTheStatusIsInIt) {
       {R"(fxagent_device_up{device="press1",link="line1"})", "1"},
       {R"(fxagent_device_up{device="press2",link="line1"})", "0"},
       {R"(fxagent_device_degraded{device="press2",link="line1"})", "0"},
+      {R"(fxagent_device_other_model{device="press1",link="line1"})", "0"},
       {R"(fxagent_polls_total{device="press1",link="line1"})", "4821"},
       {R"(fxagent_missed_polls_total{device="press1",link="line1"})", "8"},
       {R"(fxagent_device_samples_dropped_total{device="press2",link="line1"})", "12"},
@@ -99,6 +100,16 @@ TEST(Exposition, ADegradedDeviceIsUp) {
   const std::string text = exposition(status);
   EXPECT_EQ(value_of(text, R"(fxagent_device_up{device="press1",link="line1"})"), "1");
   EXPECT_EQ(value_of(text, R"(fxagent_device_degraded{device="press1",link="line1"})"), "1");
+}
+
+TEST(Exposition, ADeviceOfAnotherModelThanConfiguredIsMarked) {
+  AgentStatus status = made_up_status();
+  DeviceStatus other = *status.devices[0];
+  other.model_configured = "FX5U";
+  status.devices[0] = std::make_shared<const DeviceStatus>(other);
+  EXPECT_EQ(
+      value_of(exposition(status), R"(fxagent_device_other_model{device="press1",link="line1"})"),
+      "1");
 }
 
 TEST(Exposition, BucketsOfAHistogramAreCumulative) {

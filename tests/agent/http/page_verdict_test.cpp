@@ -59,6 +59,17 @@ TEST(PageVerdict, ASilentDeviceIsNamedWithItsTimeAndCure) {
   EXPECT_EQ(verdict.works, "1 of 2 devices answers; the broker is connected");
 }
 
+TEST(PageVerdict, AnOnlineDeviceWithSomethingToCheckIsNotWell) {
+  AgentStatus status = well();
+  status.devices[1] = in_state(DeviceStatus::State::online, "", 30);
+  const Verdict verdict = verdict_of(status);
+  ASSERT_EQ(verdict.problems.size(), 1U);
+  EXPECT_EQ(verdict.problems[0].severity, Severity::warn);
+  EXPECT_EQ(verdict.problems[0].text, "press2 is not as configured");
+  EXPECT_EQ(verdict.problems[0].cure, "check the cable");
+  EXPECT_EQ(verdict.works, "2 of 2 devices answer; the broker is connected");
+}
+
 TEST(PageVerdict, AProfileWithoutItsBrokerIsNamedWithItsServer) {
   AgentStatus status = well();
   status.profiles[0].connected = false;
