@@ -59,6 +59,8 @@ async function turn() {
   }
 }
 
+// As a link it would be an address, which names no view.
+document.querySelector('.skip').addEventListener('click', (event) => { event.preventDefault(); main.focus(); });
 addEventListener('hashchange', () => { open(); refresh().then(draw); main.focus(); });
 document.addEventListener('visibilitychange', () => { if (!document.hidden) refresh().then(() => data.config && draw()); });
 await refresh();
