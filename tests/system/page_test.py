@@ -485,6 +485,16 @@ class InChromium(Browser, PagePlant):
         self.do(until=f"{newest}.then((ts) => ts > {before})")
         self.assertEqual(self.do(until="import('/data.js').then(({want}) => [...want.groups])"), ["0.0"], "no others")
 
+    def test_the_curve_has_a_gap_where_the_page_was_hidden(self):
+        self.begin_at("values", "6 tags")
+        self.do(click="[aria-label='plot press1 temp']")
+        self.do(until="/^M[^M]*L[^M]*$/.test(document.querySelector('.plot path')?.getAttribute('d'))")
+        self.do(until="Object.defineProperty(document, 'hidden', {value: true, configurable: true}), true")
+        newest = self.do(until="import('/data.js').then(({data, refresh}) => refresh().then(() => data.ts))")
+        self.until("a later value", lambda news: news["values"]["0.0"][0][1] > newest, groups="0.0")
+        self.do(until="Date.now = ((real) => () => real() + 11000)(Date.now), delete document.hidden")
+        self.do(until="/^M[^M]*L[^M]*M[^M]*L[^M]*$/.test(document.querySelector('.plot path').getAttribute('d'))")
+
     def test_the_size_of_a_store_is_a_plain_number(self):
         self.begin_at()
         self.assertEqual(self.do(until="import('/words.js').then(({bytes}) => [999, 1000, 999400, 999600, 2e12].map(bytes))"),

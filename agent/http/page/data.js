@@ -12,7 +12,8 @@ export const want = {groups: new Set(), link: null};
 const KEPT_EVENTS = 2000;
 const KEPT_COMMANDS = 200;
 const KEPT_POINTS = 900;
-let asked = '';
+const PAUSE_MS = 10000;  // without an answer: a longer one is a gap in the curves
+let asked = [];  // the groups of the last answer
 
 async function bodyOf(answer) {
   if (answer.ok) return await answer.json();
@@ -38,22 +39,24 @@ async function takeConfig() {
   Object.assign(data, {now: 0, valuesNow: 0, devices: new Map(), values: new Map(), history: new Map(), links: [], link: null});
 }
 
-function keepHistory(group, index, reading) {
+// A point is [time, value, true if the curve has a gap before it].
+function keepHistory(group, index, reading, hasGap) {
   const [value, ts, bad] = reading;
   if (bad || ts === null || (typeof value !== 'number' && typeof value !== 'boolean')) return;
   const key = `${group}.${index}`;
   let points = data.history.get(key);
   if (!points) data.history.set(key, points = []);
   if (points.length && points[points.length - 1][0] === ts) return;
-  points.push([ts, Number(value)]);
+  points.push([ts, Number(value), hasGap]);
   if (points.length > KEPT_POINTS) points.shift();
 }
 
-function take(news) {
+// `missed`: groups that the page did not ask for just before, as when it was hidden.
+function take(news, missed) {
   for (const [d, device] of Object.entries(news.devices)) data.devices.set(Number(d), device);
   for (const [group, readings] of Object.entries(news.values)) {
     data.values.set(group, readings);
-    readings.forEach((reading, index) => reading && keepHistory(group, index, reading));
+    readings.forEach((reading, index) => reading && keepHistory(group, index, reading, missed.includes(group)));
   }
   for (const event of news.events) {
     const last = data.events[data.events.length - 1];
@@ -83,8 +86,10 @@ export function refresh() {
 async function ask() {
   try {
     if (!data.config) await takeConfig();
-    const groups = [...want.groups].slice(0, 200).join(',');
-    if (groups !== asked) { asked = groups; data.valuesNow = 0; }
+    const wanted = [...want.groups].slice(0, 200);
+    const groups = wanted.join(',');
+    const missed = Date.now() - data.heard > PAUSE_MS ? wanted : wanted.filter((group) => !asked.includes(group));
+    if (missed.length) data.valuesNow = 0;
     const news = await get(`/api/changes?since=${data.now}&values=${data.valuesNow}&events=${data.lastEvent}` +
       `&commands=${data.lastCommands.at(-1)?.n ?? 0}` +
       (groups ? `&groups=${groups}` : '') + (want.link === null ? '' : `&link=${want.link}`));
@@ -93,7 +98,10 @@ async function ask() {
       await takeConfig();
       return await ask();
     }
-    if (news) take(news);
+    if (news) {
+      take(news, missed);
+      asked = wanted;
+    }
     data.lost = '';
     data.heard = Date.now();
   } catch (fault) {
