@@ -545,6 +545,19 @@ class InChromium(Browser, PagePlant):
         self.wait_for_two_answers()
         self.assertEqual(self.do(until="[document.querySelector('.planned').innerText]"), [""])
 
+    def test_a_plan_that_fails_late_leaves_that_of_the_next_config(self):
+        self.begin_at()
+        self.do(until="""window.fetch = ((real) => (path, more) => path.startsWith('/api/plan') && !window.fail
+            ? new Promise((_, fail) => { window.fail = () => fail(new TypeError('planted')); }) : real(path, more))(window.fetch), true""")
+        self.do(click="text=Lines")
+        self.do(until="Boolean(window.fail)")
+        self.reload(lambda config: config["devices"][0]["groups"][0].update(interval_ms=300))
+        planned = "document.querySelector('.planned').innerText"
+        self.do(until=f"{planned}.includes('300 ms')")
+        self.do(until="window.fail(), true")
+        self.wait_for_two_answers()
+        self.assertIn("300 ms", self.do(until=planned))
+
     def test_the_form_writes_arrays_and_explains_a_wrong_number(self):
         token_file = write_text(os.path.join(self.directory, "token"), "0123456789abcdef\n")
         marks = {"name": "marks", "address": "M104", "type": "bool", "count": 8, "access": "read_write"}

@@ -91,10 +91,7 @@ function sharing(l) {
 export function lines(main, given) {
   const list = el('div', {});
   const detail = el('div', {});
-  const planned = el('div', {class: 'planned'});
-  const counted = el('div', {});
-  const named = el('div', {});
-  const shared = el('div', {});
+  let [shared, named, counted] = [];  // of the chosen link
   let of = null;
   let chosen = null;
   let wire = null;
@@ -103,10 +100,11 @@ export function lines(main, given) {
   function choose(l) {
     chosen = l;
     want.link = l;
-    for (const node of [planned, counted, named, shared]) { node.replaceChildren(); node.shownKey = undefined; }
+    const planned = el('div', {class: 'planned'});
+    [shared, named, counted] = [el('div', {}), el('div', {}), el('div', {})];
     wire = trace(l);
     detail.replaceChildren(el('h2', {}, data.config.links[l].name), el('p', {class: 'soft'}, data.config.links[l].wire), shared, named, planned, counted, wire.node);
-    plan(l).then((found) => { if (chosen === l && found.hash === data.config.hash) planned.replaceChildren(...bar(l, found.groups).filter(Boolean)); },
+    plan(l).then((found) => { if (found.hash === data.config.hash) planned.replaceChildren(...bar(l, found.groups).filter(Boolean)); },
       (fault) => planned.replaceChildren(el('p', {}, `The plan could not be had: ${fault.message}`)));
     draw();
   }
