@@ -1,11 +1,18 @@
 #include "agent/uplink/profile/json_profile.h"
 
+#include <algorithm>
+#include <chrono>
 #include <utility>
 
 #include "agent/text/text.h"
 #include "agent/uplink/topics.h"
 
 namespace fxagent {
+namespace {
+
+constexpr std::chrono::seconds kStateWaits{1};  // for the SUBACK
+
+}  // namespace
 
 JsonProfile::JsonProfile(const Config& config, const ProfileConfig& profile, std::string boot,
                          std::string version, std::int64_t since_ms, RelayCommand relay)
@@ -32,12 +39,18 @@ std::vector<Subscription> JsonProfile::subscriptions() const {
   return {{config_.base_topic() + "/+/command", /*no_local=*/true}};
 }
 
+void JsonProfile::connection_began(const Connected&) {
+  retained_->connection_began();
+  if (relay_) suback_by_ = SteadyTime::max();
+}
+
 void JsonProfile::connection_ended() {
   retained_->connection_ended();
   if (relay_) not_heard_why_.reset();
 }
 
 void JsonProfile::subscribed(const Subscribed& event) {
+  suback_by_.reset();
   const auto why = event.granted ? std::nullopt : std::optional(event.text);
   if (std::exchange(not_heard_why_, why) != why) retained_->agent_state_changed();
 }
@@ -68,8 +81,16 @@ void JsonProfile::change(const ConfigChange& change) {
   retained_->change(change);
 }
 
-/// The retained states send themselves.
+/// The retained states send themselves. They wait for the SUBACK: a client that sees "online" may
+/// send a command at once.
 std::vector<Publication> JsonProfile::due(SteadyTime now, std::int64_t) {
+  if (suback_by_) {
+    wake_ = std::min(*suback_by_, now + kStateWaits);
+    suback_by_ = wake_;
+    if (now < wake_) return {};
+    suback_by_.reset();
+    not_heard_why_ = "the broker does not confirm the subscription";
+  }
   retained_->pump(now);
   wake_ = retained_->next_wake(now);
   return {};

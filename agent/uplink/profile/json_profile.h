@@ -26,10 +26,11 @@ class JsonProfile final : public Profile {
   void begin(Outgoing& outgoing, JitteredBackoff& backoff) override;
   Publication last_will() override { return payload_.last_will(); }
   std::vector<Subscription> subscriptions() const override;
-  void connection_began(const Connected&) override { retained_->connection_began(); }
+  void connection_began(const Connected&) override;
   void connection_ended() override;
   SteadyTime next_wake() const override { return wake_; }
   void subscribed(const Subscribed& event) override;
+  bool is_ready() const override { return !suback_by_; }
   void hear(const Message& message) override;
   void device_state(const DeviceStatus& status) override;
   void change(const ConfigChange& change) override;
@@ -55,8 +56,9 @@ class JsonProfile final : public Profile {
   const RelayCommand relay_;
   DeviceStates states_;
   std::optional<std::string> not_heard_why_;  ///< reason why no commands are received
-  std::optional<RetainedState> retained_;     ///< from begin() on
-  SteadyTime wake_ = SteadyTime::max();       ///< after due()
+  std::optional<SteadyTime> suback_by_;    ///< deadline of the awaited SUBACK; max: due() sets it
+  std::optional<RetainedState> retained_;  ///< from begin() on
+  SteadyTime wake_ = SteadyTime::max();    ///< after due()
   std::vector<Publication> results_;
 };
 

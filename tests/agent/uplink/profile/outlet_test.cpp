@@ -628,6 +628,24 @@ TEST_P(JsonOutletTest, StateOfTheAgentShowsThatCommandsAreNotReceived) {
   EXPECT_EQ(state().find("commands"), std::string::npos) << state();
 }
 
+TEST_P(JsonOutletTest, StateOfTheAgentWaitsAtMostASecondForTheAnswerToTheSubscription) {
+  broker_.acknowledges = true;
+  broker_.confirms = false;
+  lose_connection();
+  const auto states = [this] { return broker_.on("fx/plant-a/edge7/state"); };
+  for (int i = 0; i < 20 && !broker_.up(); ++i) settle(100ms);
+  ASSERT_TRUE(broker_.up());
+  EXPECT_TRUE(states().empty()) << "the answer may still come";
+  EXPECT_LE(outlet_->step(now_), now_ + 1s);
+  settle(1s);
+  ASSERT_EQ(states().size(), 1U);
+  test::expect_says(states().back(), R"("commands":false,"reason":"the broker does not confirm)");
+  broker_.answer_subscription("fx/plant-a/edge7/+/command", "");
+  settle();
+  ASSERT_EQ(states().size(), 2U);
+  EXPECT_EQ(states().back().find("commands"), std::string::npos) << states().back();
+}
+
 TEST_P(JsonOutletTest, StateThatTheBrokerWillNeverAcceptIsNotRepeated) {
   take(DeviceStatus::State::online);
   settle();
