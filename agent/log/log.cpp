@@ -51,13 +51,10 @@ std::string_view priority(const Words& words) {
   return is_journal.load(std::memory_order_relaxed) ? words.priority : std::string_view();
 }
 
-/// Leaves out a UTF-8 character that would be cut in two. Written here because utfcpp steps back
-/// over whole characters of valid text only.
 std::string shortened(std::string_view text, std::size_t most) {
-  if (text.size() <= most) return std::string(text);
-  std::size_t length = most;
-  while (length > most - 3 && (static_cast<unsigned char>(text[length]) & 0xC0) == 0x80) --length;
-  return std::string(text.substr(0, length)) + "… (" + std::to_string(text.size()) + " bytes)";
+  std::string shown(beginning(text, most));
+  if (shown.size() < text.size()) shown += "… (" + std::to_string(text.size()) + " bytes)";
+  return shown;
 }
 
 std::string text_body(std::string_view event, std::span<const Field> fields, std::size_t most) {

@@ -89,7 +89,9 @@ std::string_view trimmed(std::string_view text) {
 
 std::string_view beginning(std::string_view text, std::size_t most) {
   if (text.size() <= most) return text;
-  while (most > 0 && (static_cast<unsigned char>(text[most]) & 0xC0) == 0x80) --most;
+  // Bytes that are not UTF-8 may go on like this, but a character has at most four.
+  const std::size_t least = most - std::min<std::size_t>(most, 3);
+  while (most > least && (static_cast<unsigned char>(text[most]) & 0xC0) == 0x80) --most;
   return text.substr(0, most);
 }
 
