@@ -1,6 +1,5 @@
 #include "agent/process/thread_progress.h"
 
-#include <charconv>
 #include <filesystem>
 #include <fstream>
 #include <optional>
@@ -9,6 +8,7 @@
 #include <utility>
 
 #include "agent/log/log.h"
+#include "agent/text/text.h"
 
 namespace fxagent {
 namespace {
@@ -17,13 +17,6 @@ struct Thread {
   std::string name;
   std::uint64_t switches = 0;  ///< proc(5): voluntary and forced
 };
-
-std::uint64_t number_in(std::string_view line) {
-  std::uint64_t number = 0;
-  const auto at = line.find_first_of("0123456789");
-  if (at != line.npos) std::from_chars(line.data() + at, line.data() + line.size(), number);
-  return number;
-}
 
 /// Returns nullopt if the thread has ended or has another name.
 std::optional<Thread> thread_at(const std::filesystem::path& task, std::string_view prefix) {
@@ -35,7 +28,8 @@ std::optional<Thread> thread_at(const std::filesystem::path& task, std::string_v
   for (std::string line; std::getline(status, line);) {
     // The forced ones are nonvoluntary_ctxt_switches.
     if (line.find("voluntary_ctxt_switches:") == line.npos) continue;
-    thread.switches += number_in(line);
+    const std::string_view number = std::string_view(line).substr(line.find(':') + 1);
+    thread.switches += number_from<std::uint64_t>(trimmed(number)).value_or(0);
     ++counts;
   }
   if (counts != 2) return std::nullopt;
@@ -55,7 +49,7 @@ bool ThreadProgress::check(Time now, bool excused) {
   for (const auto& task : tasks) {
     const auto thread = thread_at(task.path(), prefix_);
     if (!thread) continue;
-    const auto id = static_cast<int>(number_in(task.path().filename().native()));
+    const std::string id = task.path().filename();
     Seen seen{thread->switches, 0};
     const auto known = before.find(id);
     if (known != before.end() && known->second.switches == seen.switches)

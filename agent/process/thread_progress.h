@@ -38,7 +38,7 @@ class ThreadProgress final {
 
   std::string prefix_;
   std::string part_;
-  std::map<int, Seen> seen_;  ///< by thread id
+  std::map<std::string, Seen> seen_;  ///< by thread id
   Time check_at_{};
   std::string hanging_thread_;
 };
