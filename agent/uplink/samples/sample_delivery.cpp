@@ -68,7 +68,7 @@ void SampleDelivery::take(const Outbox::Batch& batch, bool can_go, SteadyTime no
   const bool always = config_.store.sync_always;
   const bool stored = always && spool_.hold(live);
   for (SampleRow& row : live) live_.push_back({std::move(row), now, stored});
-  if (spool_.gathered() != 0 && always) spool_.commit_by(now);
+  if (always) spool_.commit_by(now);
 }
 
 bool SampleDelivery::may_send(const std::string& device, SteadyTime now) const {

@@ -193,7 +193,6 @@ class SampleSpool final {
   void close();
 
   bool empty() const { return spool_.empty() && waiting_.backlog().rows() == 0; }
-  std::size_t gathered() const { return spool_.size(); }
   /// Returns the time by which commit(), or upkeep() for rows at the disk, must run.
   SteadyTime next_wake(SteadyTime now) const;
   /// Adds the samples gathered here, and those of waiting().
