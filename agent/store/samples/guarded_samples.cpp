@@ -66,26 +66,25 @@ std::optional<HistoryBatch> GuardedSamples::next(std::shared_ptr<HistoryMessage>
   return std::nullopt;
 }
 
+/// Makes the change now, or in take_up() if the store hangs.
+void GuardedSamples::change(std::function<void()> rows) {
+  guard_.hangs() ? waiting_.rows.push_back(std::move(rows)) : rows();
+}
+
 void GuardedSamples::returned(const HistoryBatch& batch) {
-  if (!guard_.hangs()) return samples_.returned(batch);
-  waiting_.rows.emplace_back([this, batch] { samples_.returned(batch); });
+  change([this, batch] { samples_.returned(batch); });
 }
 
 void GuardedSamples::release(std::uint64_t row_id) {
-  if (!guard_.hangs()) return samples_.release(row_id);
-  waiting_.rows.emplace_back([this, row_id] { samples_.release(row_id); });
+  change([this, row_id] { samples_.release(row_id); });
 }
 
 void GuardedSamples::remove(const HistoryBatch& batch, Removed then) {
-  if (!guard_.hangs()) return then(samples_.remove(batch));
-  waiting_.rows.emplace_back(
-      [this, batch, then = std::move(then)] { then(samples_.remove(batch)); });
+  change([this, batch, then = std::move(then)] { then(samples_.remove(batch)); });
 }
 
 void GuardedSamples::remove(std::uint64_t row_id, Removed then) {
-  if (!guard_.hangs()) return then(samples_.remove(row_id));
-  waiting_.rows.emplace_back(
-      [this, row_id, then = std::move(then)] { then(samples_.remove(row_id)); });
+  change([this, row_id, then = std::move(then)] { then(samples_.remove(row_id)); });
 }
 
 bool GuardedSamples::has_waiting(const std::string& device) const {

@@ -70,6 +70,8 @@ class GuardedSamples final {
     std::vector<std::string> joined;
   };
 
+  void change(std::function<void()> rows);
+
   StoredSamples& samples_;
   SequenceNumbers& numbers_;
   DiskGuard& guard_;
