@@ -132,7 +132,7 @@ std::vector<std::uint64_t> first_numbers(const Config& config, Store* store, std
     return std::vector<std::uint64_t>(config.devices.size(), static_cast<std::uint64_t>(utc_ms));
   std::vector<std::string> names;
   for (const DeviceConfig& device : config.devices) names.push_back(device.name);
-  return store->numbers().begin(names, utc_ms);
+  return store->numbers().join(names, utc_ms);
 }
 
 std::vector<std::uint64_t> later_numbers(const Config& config,

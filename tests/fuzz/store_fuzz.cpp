@@ -56,7 +56,7 @@ bool any(const StreamKey&) { return true; }
 /// Uses a store as the agent does at its start, and a while later.
 void live_with(Store& store) {
   const std::vector<std::string> devices{"press1"};
-  store.numbers().begin(devices, kUtc);
+  store.numbers().join(devices, kUtc);
   for (const KnownId& known : store.journal().known_ids())
     store.journal().find(known.device, known.id);
   for (const JournalEntry& entry : store.journal().unacknowledged()) {

@@ -27,25 +27,12 @@ void SequenceNumbers::load(SQLite::Database& database) {
   });
 }
 
-std::vector<std::uint64_t> SequenceNumbers::begin(std::span<const std::string> devices,
-                                                  std::int64_t utc_ms) {
-  auto begun = add(devices, utc_ms);
-  write_all();
-  return begun;
-}
-
 std::vector<std::uint64_t> SequenceNumbers::join(std::span<const std::string> devices,
                                                  std::int64_t utc_ms) {
   const std::size_t before = numbers_.size();
-  auto begun = add(devices, utc_ms);
-  if (numbers_.size() != before) write_all();
-  return begun;
-}
-
-std::vector<std::uint64_t> SequenceNumbers::add(std::span<const std::string> devices,
-                                                std::int64_t utc_ms) {
   std::vector<std::uint64_t> begun;
   for (const std::string& device : devices) begun.push_back(add(device, utc_ms));
+  if (numbers_.size() != before) write_all();
   return begun;
 }
 

@@ -27,10 +27,8 @@ class SequenceNumbers final : public StorePart {
 
   /// Returns, for each device, the number before its first sample in this boot. After a clean stop,
   /// or with `sync: always`, it is the last one used. After a crash, or if the disk refused, it is
-  /// above all that may have been used. Call once, at the start.
-  std::vector<std::uint64_t> begin(std::span<const std::string> devices, std::int64_t utc_ms);
-  /// Same for devices that join later. For a device that was there before in this boot it is the
-  /// last number used.
+  /// above all that may have been used. For a device that was there before in this boot it is the
+  /// last number used. Call at the start, and for devices that join later.
   std::vector<std::uint64_t> join(std::span<const std::string> devices, std::int64_t utc_ms);
   /// Call before a sample with this number leaves the agent.
   void used(const std::string& device, std::uint64_t seq);
@@ -72,7 +70,6 @@ class SequenceNumbers final : public StorePart {
   /// Meaning of a number in the file: the end of a block, or the last one used.
   enum class Meaning : std::uint8_t { reserved, exact };
 
-  std::vector<std::uint64_t> add(std::span<const std::string> devices, std::int64_t utc_ms);
   std::uint64_t add(const std::string& device, std::int64_t utc_ms);
   /// Adds the other devices of a file with the marker, which counts for them too: it is removed
   /// when their numbers are written.

@@ -74,7 +74,7 @@ struct Shelf {
   /// Returns the number before device a's first one in this boot.
   std::uint64_t begin(std::int64_t utc_ms = kNow) {
     const std::string device = "a";
-    return store->numbers().begin(std::span(&device, 1), utc_ms).at(0);
+    return store->numbers().join(std::span(&device, 1), utc_ms).at(0);
   }
   bool add(std::vector<SampleRow> made, Store::Hold hold = Store::Hold::no) {
     return store->samples().append(made, hold);

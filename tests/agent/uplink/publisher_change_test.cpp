@@ -277,14 +277,14 @@ TEST_F(PublisherChangeWithStore, NumbersOfADeviceOfAnEarlierRunGoOn) {
     PublisherBench earlier(directory.path("store"));
     earlier.config.devices.push_back(test::press("oven"));
     earlier.settle();
-    earlier.store->numbers().begin(std::vector<std::string>{"press1", "press2", "oven"}, 1000);
+    earlier.store->numbers().join(std::vector<std::string>{"press1", "press2", "oven"}, 1000);
     earlier.outbox.push(test::sample(5007, 2));
     earlier.settle();
     earlier.write("a");
     end(earlier);
   }
   online();
-  store->numbers().begin(std::vector<std::string>{"press1", "press2"}, 1000);
+  store->numbers().join(std::vector<std::string>{"press1", "press2"}, 1000);
   outbox.push(test::sample(static_cast<std::uint64_t>(utc()), 0));
   settle();
   Config wanted = config;

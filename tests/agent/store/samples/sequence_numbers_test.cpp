@@ -25,7 +25,7 @@ TEST(SequenceNumbers, NumbersGoOnByOneAfterACleanStop) {
 TEST(SequenceNumbers, DeviceThatJoinsLaterGoesOnWhereItsLastRunOrThisOneHasLeftIt) {
   OpenShelf shelf;
   const std::vector<std::string> both{"a", "b"};
-  shelf.store->numbers().begin(both, kNow);
+  shelf.store->numbers().join(both, kNow);
   shelf.store->numbers().used("b", kNow + 9);
   shelf.store->close();
   shelf.open();
@@ -36,7 +36,7 @@ TEST(SequenceNumbers, DeviceThatJoinsLaterGoesOnWhereItsLastRunOrThisOneHasLeftI
   EXPECT_EQ(shelf.store->numbers().join(std::vector<std::string>{"b"}, kNow + 300000),
             std::vector<std::uint64_t>{kNow + 12});
   shelf.open(kNow + 400000);  // after a crash
-  EXPECT_GT(shelf.store->numbers().begin(both, kNow)[1], std::uint64_t{kNow} + 12);
+  EXPECT_GT(shelf.store->numbers().join(both, kNow)[1], std::uint64_t{kNow} + 12);
 }
 
 TEST(SequenceNumbers, NumbersOnlySkipForwardAfterACrash) {
@@ -147,7 +147,7 @@ TEST(SequenceNumbers, MarkCountsForADeviceThatHasLeftTheConfig) {
   Shelf shelf;
   shelf.config.sync_always = true;
   shelf.open();
-  const std::uint64_t last = shelf.store->numbers().begin(both, kNow)[1] + 1;
+  const std::uint64_t last = shelf.store->numbers().join(both, kNow)[1] + 1;
   {
     const DiskLimit full(1000);
     shelf.store->numbers().used("b", last);
@@ -156,7 +156,7 @@ TEST(SequenceNumbers, MarkCountsForADeviceThatHasLeftTheConfig) {
   shelf.open(5);
   shelf.begin(5);
   shelf.open(5);
-  EXPECT_GT(shelf.store->numbers().begin(both, 5)[1], last);
+  EXPECT_GT(shelf.store->numbers().join(both, 5)[1], last);
 }
 
 TEST(SequenceNumbers, NumbersThatAFullDiskDidNotReserveAreNotUsedAgain) {
@@ -186,7 +186,7 @@ TEST(SequenceNumbers, FirstNumbersOfARunOnAFullDiskAreNotUsedAgain) {
 TEST(SequenceNumbers, NumbersOfADeviceThatJoinsOnAFullDiskAreNotUsedAgain) {
   const std::vector<std::string> both{"a", "b"};
   OpenShelf shelf;
-  shelf.store->numbers().begin(both, kNow);
+  shelf.store->numbers().join(both, kNow);
   shelf.store->close();
   shelf.open(5);
   shelf.begin(5);
@@ -197,7 +197,7 @@ TEST(SequenceNumbers, NumbersOfADeviceThatJoinsOnAFullDiskAreNotUsedAgain) {
     shelf.store->numbers().used("b", ++last);
   }
   shelf.open(5);
-  EXPECT_GT(shelf.store->numbers().begin(both, 5)[1], last);
+  EXPECT_GT(shelf.store->numbers().join(both, 5)[1], last);
 }
 
 TEST(SequenceNumbers, NumbersOfAFileThatOpenedAreKnownIfTheDiskFailsAfterwards) {
@@ -214,7 +214,7 @@ TEST(SequenceNumbers, MarkCountsForAFileThatOpensLate) {
   const std::vector<std::string> both{"a", "b"};
   OpenShelf shelf;
   const std::uint64_t last =
-      shelf.store->numbers().begin(both, kNow)[0] + 2 * SequenceNumbers::kBlock;
+      shelf.store->numbers().join(both, kNow)[0] + 2 * SequenceNumbers::kBlock;
   {
     const DiskLimit full(1000);
     for (const std::string& device : both) shelf.store->numbers().used(device, last);
@@ -234,7 +234,7 @@ TEST(SequenceNumbers, MarkCountsForAFileThatOpensLate) {
   EXPECT_GT(late->numbers.at("a"), last);
   EXPECT_FALSE(std::filesystem::exists(shelf.config.path + "/fxagent.db.behind"));
   shelf.open(5);  // after a crash
-  for (const std::uint64_t begun : shelf.store->numbers().begin(both, 5)) EXPECT_GT(begun, last);
+  for (const std::uint64_t begun : shelf.store->numbers().join(both, 5)) EXPECT_GT(begun, last);
 }
 
 TEST(SequenceNumbers, NumbersThatTheDiskRefusedAreNoneBeforeTheClock) {
