@@ -135,14 +135,4 @@ std::vector<std::uint64_t> first_numbers(const Config& config, Store* store, std
   return store->numbers().join(names, utc_ms);
 }
 
-std::vector<std::uint64_t> later_numbers(const Config& config,
-                                         const std::map<std::string, std::uint64_t>& found) {
-  std::vector<std::uint64_t> numbers;
-  for (const DeviceConfig& device : config.devices) {
-    const auto number = found.find(device.name);
-    numbers.push_back(number == found.end() ? 0 : number->second);
-  }
-  return numbers;
-}
-
 }  // namespace fxagent

@@ -112,9 +112,5 @@ class Store final {
 /// `store` is null, numbers start at the clock, above every number of an earlier boot unless it was
 /// set back. Call once, at the start.
 std::vector<std::uint64_t> first_numbers(const Config& config, Store* store, std::int64_t utc_ms);
-/// Same for a file that opened later. `found` has the numbers above this run's; 0 for other
-/// devices.
-std::vector<std::uint64_t> later_numbers(const Config& config,
-                                         const std::map<std::string, std::uint64_t>& found);
 
 }  // namespace fxagent

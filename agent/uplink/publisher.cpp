@@ -127,7 +127,10 @@ void Publisher::take_found_late(SteadyTime now) {
   Recovered known = recover(config_, store_->journal(), std::move(late->ids),
                             std::move(late->unacknowledged), utc_ms_(), now);
   commands_.restore(std::move(known), now, utc_ms_());
-  if (number_above_) number_above_(later_numbers(config_, late->numbers));
+  std::vector<std::uint64_t> numbers;  // 0: not above this run's
+  for (const DeviceConfig& device : std::as_const(config_).devices)
+    numbers.push_back(late->numbers[device.name]);
+  if (number_above_) number_above_(std::move(numbers));
 }
 
 void Publisher::take_outbox(SteadyTime now) {
