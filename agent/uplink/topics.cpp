@@ -1,5 +1,7 @@
 #include "agent/uplink/topics.h"
 
+#include <utility>
+
 #include "agent/text/text.h"
 
 namespace fxagent {
@@ -7,8 +9,13 @@ namespace {
 
 constexpr std::size_t kMaxTopicBytes = 65535;  // MQTT 5, section 1.5.4
 
-bool starts_with(std::string_view text, std::string_view a, std::string_view b) {
-  return text.starts_with(a) && text.substr(a.size()).starts_with(b);
+/// Splits "{base}/{device}/{rest}". Both are empty for every other form.
+std::pair<std::string_view, std::string_view> below(std::string_view base, std::string_view topic) {
+  if (!topic.starts_with(base) || !topic.substr(base.size()).starts_with('/')) return {};
+  topic.remove_prefix(base.size() + 1);
+  const std::size_t slash = topic.find('/');
+  if (slash == topic.npos) return {};
+  return {topic.substr(0, slash), topic.substr(slash + 1)};
 }
 
 }  // namespace
@@ -21,21 +28,14 @@ bool is_publishable(std::string_view topic) {
 
 std::optional<std::string_view> device_of(std::string_view topic, std::string_view base,
                                           std::string_view leaf) {
-  if (!starts_with(topic, base, "/")) return std::nullopt;
-  topic.remove_prefix(base.size() + 1);
-  const std::size_t slash = topic.find('/');
-  if (slash == std::string_view::npos || slash == 0 || topic.substr(slash + 1) != leaf)
-    return std::nullopt;
-  return topic.substr(0, slash);
+  const auto [device, rest] = below(base, topic);
+  return !device.empty() && rest == leaf ? std::optional(device) : std::nullopt;
 }
 
 std::optional<DataTopic> data_topic_of(std::string_view topic, std::string_view base) {
-  if (!starts_with(topic, base, "/")) return std::nullopt;
-  topic.remove_prefix(base.size() + 1);
-  const std::size_t slash = topic.find('/');
-  if (slash == std::string_view::npos || !topic.substr(slash).starts_with("/data/"))
-    return std::nullopt;
-  DataTopic found{topic.substr(0, slash), topic.substr(slash + 6), false};
+  const auto [device, rest] = below(base, topic);
+  if (!rest.starts_with("data/")) return std::nullopt;
+  DataTopic found{device, rest.substr(5), false};
   if (found.group.ends_with("/history")) {
     found.group.remove_suffix(8);
     found.is_history = true;
