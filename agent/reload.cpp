@@ -29,11 +29,17 @@ namespace {
 
 RemoteConfig::Moment moment() { return {std::chrono::steady_clock::now(), utc_now_ms()}; }
 
-sigset_t hangup_signal() {
-  sigset_t set;
-  sigemptyset(&set);
-  sigaddset(&set, SIGHUP);
-  return set;
+/// Takes a SIGHUP. Returns its sender; nullopt: none came within `patience`.
+std::optional<pid_t> hangup_by(std::chrono::nanoseconds patience) {
+  sigset_t signals;
+  sigemptyset(&signals);
+  sigaddset(&signals, SIGHUP);
+  const auto whole = std::chrono::floor<std::chrono::seconds>(patience);
+  const timespec limit{.tv_sec = whole.count(),
+                       .tv_nsec = static_cast<long>((patience - whole).count())};
+  siginfo_t heard{};
+  if (sigtimedwait(&signals, &heard, &limit) != SIGHUP) return std::nullopt;
+  return heard.si_pid;
 }
 
 void set(std::atomic<bool>& done) {
@@ -48,11 +54,7 @@ void log_errors(const ConfigErrors& errors, const std::string& path) {
     log::error("config", {{"state", "rejected"}, {"error", to_string(error, path)}});
 }
 
-bool hangup_within(std::chrono::seconds patience) {
-  const sigset_t signals = hangup_signal();
-  const timespec limit{.tv_sec = patience.count(), .tv_nsec = 0};
-  return sigtimedwait(&signals, nullptr, &limit) == SIGHUP;
-}
+bool hangup_within(std::chrono::seconds patience) { return hangup_by(patience).has_value(); }
 
 void check_local(const Config& running, const std::string& path, const RemoteConfig& remote) {
   service_manager::notify_reloading();
@@ -124,16 +126,14 @@ bool Reload::wait_for_end(std::chrono::nanoseconds patience) {
 void Reload::listen() {
   OwnTopics::ConfigListener listener;
   listener.desired = [this](std::string payload) {
-    std::unique_lock lock(mutex_);
+    const std::lock_guard lock(mutex_);
     news_.desired = std::move(payload);
-    lock.unlock();
     wake();
   };
   listener.connection = [this](bool connected, SteadyTime now) {
-    std::unique_lock lock(mutex_);
+    const std::lock_guard lock(mutex_);
     news_.connected = connected;
     news_.connected_at = now;
-    lock.unlock();
     wake();
   };
   outbox_.ask([&publisher = publisher_, listener](SteadyTime) {
@@ -144,23 +144,10 @@ void Reload::listen() {
 void Reload::wake() { pthread_kill(thread_.native_handle(), SIGHUP); }
 
 bool Reload::wait() {
-  const sigset_t signals = hangup_signal();
-  siginfo_t heard{};
-  const SteadyTime wake_at = remote_.next_wake();
-  if (wake_at == SteadyTime::max()) {
-    sigwaitinfo(&signals, &heard);
-  } else {
-    using std::chrono::nanoseconds;
-    const auto left =
-        std::max(nanoseconds(0), nanoseconds(wake_at - std::chrono::steady_clock::now()));
-    timespec limit{};
-    limit.tv_sec = static_cast<time_t>(left.count() / std::nano::den);
-    limit.tv_nsec = static_cast<long>(left.count() % std::nano::den);
-    if (sigtimedwait(&signals, &heard, &limit) < 0) return false;
-  }
+  const auto left = remote_.next_wake() - std::chrono::steady_clock::now();
   // The C library does not distinguish pthread_kill() from kill(); a signal of this process is
   // wake().
-  return heard.si_signo == SIGHUP && heard.si_pid != ::getpid();
+  return hangup_by(std::max(left, SteadyTime::duration::zero())).value_or(::getpid()) != ::getpid();
 }
 
 void Reload::run(Begin begin) {
