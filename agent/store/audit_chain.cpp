@@ -45,21 +45,16 @@ Record seal(Head& head, std::string_view body) {
 // ---- bodies of the chain's own records ---------------------------------------------------------
 
 std::string pruned(std::uint64_t up_to, const Bytes& hash, std::int64_t now_ms) {
-  auto body = begin_body("pruned", now_ms);
-  body.key("up_to").integer(up_to).key("hash").string(to_text(hash)).end_object();
-  return body.take();
+  json::Writer body = begin_body("pruned", now_ms);
+  return body.key("up_to").integer(up_to).key("hash").string(to_text(hash)).end_object().take();
 }
 
 std::string begun(std::string_view set_aside, std::int64_t now_ms) {
-  auto body = begin_body("begun", now_ms);
-  body.key("after").word(set_aside).end_object();
-  return body.take();
+  return begin_body("begun", now_ms).key("after").word(set_aside).end_object().take();
 }
 
 std::string lost(std::uint64_t records, std::int64_t now_ms) {
-  auto body = begin_body("lost", now_ms);
-  body.key("records").integer(records).end_object();
-  return body.take();
+  return begin_body("lost", now_ms).key("records").integer(records).end_object().take();
 }
 
 std::int64_t time_of(std::string_view text) {
