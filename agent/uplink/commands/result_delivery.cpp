@@ -85,7 +85,7 @@ void ResultDelivery::hand_over(std::uint64_t key, std::size_t copy, SteadyTime n
                                std::optional<Heard> heard) {
   Pending& pending = results_.at(key);
   ResultMessage& result = pending.result;
-  if (!std::exchange(pending.handed_over, true) && result.received != SteadyTime{}) {
+  if (!result.total && result.received != SteadyTime{}) {
     result.total = std::max(now - result.received, SteadyTime::duration::zero());
     if (result.sent) durations_.add(*result.total);
     result.text = with_total(std::move(result.text), *result.total);

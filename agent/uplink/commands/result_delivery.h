@@ -65,8 +65,7 @@ class ResultDelivery final : public Outgoing::Sender {
     int failures = 0;
   };
   struct Pending {
-    ResultMessage result;
-    bool handed_over = false;  ///< to MQTT, once; total_ms ends there
+    ResultMessage result;      ///< its `total` ends when it is first handed over to MQTT
     std::size_t bytes = 0;     ///< memory use, approximately
     std::vector<Copy> copies;  ///< for the device's topic; for the response topic, if there is one
   };
