@@ -163,11 +163,7 @@ FailureText::FailureText(const MqttConfig& config, const SettingNames& names, in
 
 std::string FailureText::of_refused_topic(int reason_code) const {
   const std::string text = reason_text(reason_code);
-  return reason_code == MQTTREASONCODE_NOT_AUTHORIZED ? with_access_cure(text) : text;
-}
-
-std::string FailureText::with_access_cure(const std::string& text) const {
-  return text + ": " + names_.access;
+  return reason_code == MQTTREASONCODE_NOT_AUTHORIZED ? text + ": " + names_.access : text;
 }
 
 int FailureText::refusal_of(const mqtt::token& token) const {
@@ -256,7 +252,7 @@ std::string FailureText::of_publish(const mqtt::token& token) const {
 std::string FailureText::of_subscribe(const mqtt::token& token) const {
   // The only failure code that MQTT 3.1.1 has, section 3.9.3; Paho has no text for it.
   if (version_ != MQTTVERSION_5 && token.get_return_code() == 0x80)
-    return with_access_cure("refused by the broker");
+    return "refused by the broker: " + names_.access;
   return of_publish(token);
 }
 

@@ -62,7 +62,6 @@ class FailureText final {
                        std::chrono::steady_clock::time_point since) const;
   std::string cut_after_handshake() const;
   std::string set_certificate() const;
-  std::string with_access_cure(const std::string& text) const;
 
   const MqttConfig& config_;
   const SettingNames names_;
