@@ -45,34 +45,29 @@ std::size_t number(const unsigned char* at, std::size_t digits) noexcept {
 std::size_t property_size(const unsigned char* at, std::size_t size) noexcept {
   const unsigned char* const value = at + 1;
   const std::size_t room = size - 1;
-  std::size_t used = 0;
+  const auto fits = [room](std::size_t used) { return used <= room ? 1 + used : 0; };
   switch (*at) {
     case kPayloadFormat:
-      used = 1;
-      break;
+      return fits(1);
     case kTopicAlias:
-      used = 2;
-      break;
+      return fits(2);
     case kMessageExpiry:
-      used = 4;
-      break;
-    case kSubscription:
-      used = number_size(value, room);
-      if (used == 0) return 0;
-      break;
+      return fits(4);
+    case kSubscription: {
+      const std::size_t digits = number_size(value, room);
+      return digits == 0 ? 0 : fits(digits);
+    }
     case kContentType:
     case kResponseTopic:
     case kCorrelation:
-      used = text_size(value, room);
-      break;
-    case kUserProperty:
-      used = text_size(value, room);
-      if (used <= room) used += text_size(value + used, room - used);
-      break;
+      return fits(text_size(value, room));
+    case kUserProperty: {
+      const std::size_t name = text_size(value, room);
+      return name > room ? 0 : fits(name + text_size(value + name, room - name));
+    }
     default:
       return 0;
   }
-  return used <= room ? 1 + used : 0;
 }
 
 /// Moves the first of each property that the agent uses to the front. Returns their size.
