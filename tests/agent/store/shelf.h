@@ -70,6 +70,16 @@ struct Shelf {
   }
   /// Puts a file at the store's path, so that it cannot be opened.
   void block() const { std::ofstream(config.path) << "a file in its place"; }
+  /// Closes the store. Until mount(), its directory is missing, as with a disk that comes late.
+  void unmount() {
+    store.reset();
+    std::filesystem::rename(config.path, config.path + "-away");
+    block();
+  }
+  void mount() const {
+    std::filesystem::remove(config.path);
+    std::filesystem::rename(config.path + "-away", config.path);
+  }
   std::string file() const { return config.path + "/fxagent.db"; }
   /// Returns the number before device a's first one in this boot.
   std::uint64_t begin(std::int64_t utc_ms = kNow) {
@@ -110,6 +120,12 @@ struct Shelf {
 
 struct OpenShelf : Shelf {
   OpenShelf() { open(); }
+};
+struct AlwaysSyncedShelf : Shelf {
+  AlwaysSyncedShelf() {
+    config.sync_always = true;
+    open();
+  }
 };
 
 /// A store that keeps everything in memory, until there is a disk.

@@ -73,16 +73,12 @@ TEST(StoreClock, FileThatOpensBeforeTheClockIsSetKeepsItsOrderAndItsTimes) {
     if (made.id != "untold") shelf.store->journal().acknowledge("a", id, made.number);
   }
   shelf.store->upkeep(kStart, kNow);
-  shelf.store.reset();
-  const std::string away = shelf.config.path + "-away";
-  std::filesystem::rename(shelf.config.path, away);
-  shelf.block();
+  shelf.unmount();
   shelf.open(kBoot);
   shelf.store->upkeep(kStart, kBoot);
   JournalEntry again = shelf.arrived("again", "", kBoot);
   EXPECT_FALSE(shelf.journal(again));
-  std::filesystem::remove(shelf.config.path);
-  std::filesystem::rename(away, shelf.config.path);
+  shelf.mount();
   shelf.store->upkeep(kStart + 10s, kBoot + 10000);
   ASSERT_EQ(shelf.store->state(), "disk");
   EXPECT_EQ(shelf.found("again")->result, "");  // belongs to this run
@@ -100,15 +96,11 @@ TEST(StoreClock, FileThatOpensBeforeTheClockIsSetKeepsItsOrderAndItsTimes) {
 TEST(StoreClock, IdsOfAFileThatOpensAfterTheClockIsSetAreNotOld) {
   Shelf shelf;
   record_known_a_year_ago(shelf);
-  shelf.store.reset();
-  const std::string away = shelf.config.path + "-away";
-  std::filesystem::rename(shelf.config.path, away);
-  shelf.block();
+  shelf.unmount();
   shelf.open(kNow - kYear + 1000);
   shelf.store->upkeep(kStart + 1s, kNow - kYear + 1000);
   shelf.store->upkeep(kStart + 2s, kNow + 2000);
-  std::filesystem::remove(shelf.config.path);
-  std::filesystem::rename(away, shelf.config.path);
+  shelf.mount();
   shelf.store->upkeep(kStart + 12s, kNow + 12000);
   const auto found = shelf.store->take_found_late();
   ASSERT_TRUE(found);

@@ -59,15 +59,11 @@ TEST(SequenceNumbers, NumbersOfAnEarlierRunAreNotSetBackByAFileThatOpensLate) {
   constexpr std::int64_t kBoot = 5000;
   OpenShelf shelf;
   const std::uint64_t reached = shelf.begin() + SequenceNumbers::kBlock;
-  shelf.store.reset();
-  const std::string away = shelf.config.path + "-away";
-  std::filesystem::rename(shelf.config.path, away);
-  shelf.block();
+  shelf.unmount();
   shelf.open(kBoot);
   ASSERT_EQ(shelf.begin(kBoot), static_cast<std::uint64_t>(kBoot));
   shelf.store->upkeep(kStart, kBoot);
-  std::filesystem::remove(shelf.config.path);
-  std::filesystem::rename(away, shelf.config.path);
+  shelf.mount();
   shelf.store->upkeep(kStart + 10s, kBoot + 10000);
   ASSERT_EQ(shelf.store->state(), "disk");
   shelf.open(kBoot + 20000);  // after a crash
@@ -88,9 +84,7 @@ TEST(SequenceNumbers, NextBlockOfNumbersIsTakenWhileHalfOfTheLastOneIsLeft) {
 }
 
 TEST(SequenceNumbers, WithAlwaysNumbersGoOnByOneEvenAfterACrash) {
-  Shelf shelf;
-  shelf.config.sync_always = true;
-  shelf.open();
+  AlwaysSyncedShelf shelf;
   const std::uint64_t last = shelf.begin();
   for (std::uint64_t seq = last + 1; seq < last + 4; ++seq) {
     shelf.store->numbers().used("a", seq);
@@ -101,9 +95,7 @@ TEST(SequenceNumbers, WithAlwaysNumbersGoOnByOneEvenAfterACrash) {
 }
 
 TEST(SequenceNumbers, WithAlwaysNumbersThatTheDiskRefusedAreNotUsedAgain) {
-  Shelf shelf;
-  shelf.config.sync_always = true;
-  shelf.open();
+  AlwaysSyncedShelf shelf;
   std::uint64_t last = shelf.begin();
   {
     const DiskLimit full(200000);
@@ -121,9 +113,7 @@ TEST(SequenceNumbers, WithAlwaysNumbersThatTheDiskRefusedAreNotUsedAgain) {
 }
 
 TEST(SequenceNumbers, MarkThatCouldNotBeMadeIsMadeWhenTheDiskIsTriedAgain) {
-  Shelf shelf;
-  shelf.config.sync_always = true;
-  shelf.open();
+  AlwaysSyncedShelf shelf;
   std::uint64_t last = shelf.begin();
   const std::string in_the_way = shelf.config.path + "/fxagent.db.behind.new";
   std::filesystem::create_directory(in_the_way);
@@ -144,9 +134,7 @@ TEST(SequenceNumbers, MarkThatCouldNotBeMadeIsMadeWhenTheDiskIsTriedAgain) {
 
 TEST(SequenceNumbers, MarkCountsForADeviceThatHasLeftTheConfig) {
   const std::vector<std::string> both{"a", "b"};
-  Shelf shelf;
-  shelf.config.sync_always = true;
-  shelf.open();
+  AlwaysSyncedShelf shelf;
   const std::uint64_t last = shelf.store->numbers().join(both, kNow)[1] + 1;
   {
     const DiskLimit full(1000);
@@ -219,15 +207,11 @@ TEST(SequenceNumbers, MarkCountsForAFileThatOpensLate) {
     const DiskLimit full(1000);
     for (const std::string& device : both) shelf.store->numbers().used(device, last);
   }
-  shelf.store.reset();
-  const std::string away = shelf.config.path + "-away";
-  std::filesystem::rename(shelf.config.path, away);
-  shelf.block();
+  shelf.unmount();
   shelf.open(5);
   shelf.begin(5);
   shelf.store->upkeep(kStart, 5);
-  std::filesystem::remove(shelf.config.path);
-  std::filesystem::rename(away, shelf.config.path);
+  shelf.mount();
   shelf.store->upkeep(kStart + 10s, 10005);
   const auto late = shelf.store->take_found_late();
   ASSERT_TRUE(late);
@@ -239,9 +223,7 @@ TEST(SequenceNumbers, MarkCountsForAFileThatOpensLate) {
 
 TEST(SequenceNumbers, NumbersThatTheDiskRefusedAreNoneBeforeTheClock) {
   constexpr std::int64_t kYear = std::int64_t{365} * 24 * 3600 * 1000;
-  Shelf shelf;
-  shelf.config.sync_always = true;
-  shelf.open();
+  AlwaysSyncedShelf shelf;
   std::uint64_t last = shelf.begin();
   {
     const DiskLimit full(200000);
