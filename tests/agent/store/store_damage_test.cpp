@@ -32,6 +32,10 @@ struct StoreDamage : testing::Test {
     ASSERT_TRUE(store.samples().append(some, Store::Hold::no));
     store.close();
   }
+  void change(const std::string& sql) const {
+    SQLite::Database database = sqlite::open(shelf_.file());
+    ASSERT_NO_THROW(database.exec(sql));
+  }
   /// Expects the store to work on a fresh file, next to the damaged one.
   void expect_a_fresh_one() {
     Store store(shelf_.config, kNow);
@@ -65,40 +69,28 @@ TEST_F(StoreDamage, FileWithoutOneOfTheTablesIsSetAside) {
     SCOPED_TRACE(table);
     fs::remove_all(shelf_.config.path);
     make();
-    {
-      SQLite::Database database = sqlite::open(shelf_.file());
-      ASSERT_NO_THROW(database.exec("DROP TABLE " + table));
-    }
+    change("DROP TABLE " + table);
     expect_a_fresh_one();
   }
 }
 
 TEST_F(StoreDamage, TableWithAnotherColumnIsSetAsideAndAnIndexMoreIsNot) {
   make();
-  {
-    SQLite::Database database = sqlite::open(shelf_.file());
-    ASSERT_NO_THROW(database.exec("CREATE INDEX by_time ON samples(created_ms); ANALYZE"));
-  }
+  change("CREATE INDEX by_time ON samples(created_ms); ANALYZE");
   {
     Store store(shelf_.config, kNow);
     EXPECT_EQ(store.samples().rows(), 50U);
     store.close();
   }
-  {
-    SQLite::Database database = sqlite::open(shelf_.file());
-    ASSERT_NO_THROW(database.exec("ALTER TABLE orders RENAME COLUMN correlation TO colleration"));
-  }
+  change("ALTER TABLE orders RENAME COLUMN correlation TO colleration");
   expect_a_fresh_one();
 }
 
 TEST_F(StoreDamage, DamagedRowIsDroppedAndCountedAndItsNeighboursGoOut) {
   make();
-  {
-    SQLite::Database database = sqlite::open(shelf_.file());
-    ASSERT_NO_THROW(
-        database.exec("UPDATE samples SET row = substr(row, 1, 100) WHERE id IN (1, 7);"
-                      "UPDATE samples SET row = x'22FF22' WHERE id = 50"));
-  }
+  change(
+      "UPDATE samples SET row = substr(row, 1, 100) WHERE id IN (1, 7);"
+      "UPDATE samples SET row = x'22FF22' WHERE id = 50");
   Store store(shelf_.config, kNow);
   EXPECT_EQ(store.samples().rows(), 50U);
   std::uint64_t delivered = 0;
@@ -121,10 +113,7 @@ TEST_F(StoreDamage, StreamOfDamagedRowsAloneIsDroppedAndCounted) {
     ASSERT_TRUE(store.samples().append(both, Store::Hold::no));
     store.close();
   }
-  {
-    SQLite::Database database = sqlite::open(shelf_.file());
-    ASSERT_NO_THROW(database.exec("UPDATE samples SET row = '{' WHERE device = 'press1'"));
-  }
+  change("UPDATE samples SET row = '{' WHERE device = 'press1'");
   Store store(shelf_.config, kNow);
   const auto batch = test::next(store.samples(), 4096, any);
   ASSERT_TRUE(batch);
@@ -156,10 +145,7 @@ TEST_F(StoreDamage, SamplesBeforeTheDamageAreCountedAsFoundAndAsDropped) {
 
 TEST_F(StoreDamage, FileOfAnotherProgramIsSetAside) {
   fs::create_directory(shelf_.config.path);
-  {
-    SQLite::Database database = sqlite::open(shelf_.file());
-    ASSERT_NO_THROW(database.exec("CREATE TABLE samples(other); PRAGMA user_version = 0"));
-  }
+  change("CREATE TABLE samples(other); PRAGMA user_version = 0");
   expect_a_fresh_one();
 }
 

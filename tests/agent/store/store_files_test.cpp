@@ -8,9 +8,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "agent/store/store.h"
-#include "tests/agent/store/json_history.h"
-#include "tests/support/scratch.h"
+#include "tests/agent/store/shelf.h"
 
 namespace fxagent {
 namespace {
@@ -18,46 +16,30 @@ namespace {
 namespace fs = std::filesystem;
 using namespace std::chrono_literals;
 
-constexpr std::int64_t kNow = 1790000000000;
-const SteadyTime kStart{std::chrono::hours(1)};
+using test::kNow;
+using test::kStart;
+using test::rows;
 
-struct StoreFiles : ::testing::Test {
-  StoreFiles() { config.path = scratch.path("store"); }
-
-  Store& open() {
-    store.reset();
-    store = std::make_unique<Store>(config, kNow);
-    return *store;
-  }
-  bool add(std::uint64_t from, std::uint64_t to) const {
-    std::vector<SampleRow> rows;
-    for (std::uint64_t seq = from; seq <= to; ++seq)
-      rows.push_back({0, {"a", "fast"}, seq, test::row_content(seq)});
-    return store->samples().append(rows, Store::Hold::no);
-  }
+struct StoreFiles : ::testing::Test, test::Shelf {
   std::string in_store(const std::string& name) const { return config.path + "/" + name; }
   /// Opens a store with three rows; its next minute is due at kStart + 60 s.
-  void begin() {
+  void open_with_rows() {
     open();
     store->upkeep(kStart, kNow);
-    ASSERT_TRUE(add(1, 3));
+    ASSERT_TRUE(add(rows(1, 3)));
   }
   void a_minute_later() const { store->upkeep(kStart + 60s, kNow + 60000); }
   void expect_noticed_and_usable() {
     EXPECT_EQ(store->samples().take_dropped()["a"], 3U);
     ASSERT_EQ(store->state(), "disk");
     EXPECT_EQ(store->samples().rows(), 0U);
-    ASSERT_TRUE(add(4, 5));
+    ASSERT_TRUE(add(rows(4, 5)));
     EXPECT_EQ(open().samples().rows(), 2U);
   }
-
-  test::Scratch scratch;
-  StoreConfig config;
-  std::unique_ptr<Store> store;
 };
 
 TEST_F(StoreFiles, DirectoryThatWasDeletedIsNoticedWithinAMinuteAndMadeAnew) {
-  begin();
+  open_with_rows();
   fs::remove_all(config.path);
   store->upkeep(kStart + 59s, kNow + 59000);
   EXPECT_EQ(store->samples().rows(), 3U);
@@ -66,7 +48,7 @@ TEST_F(StoreFiles, DirectoryThatWasDeletedIsNoticedWithinAMinuteAndMadeAnew) {
 }
 
 TEST_F(StoreFiles, FileThatWasDeletedIsNoticed) {
-  begin();
+  open_with_rows();
   fs::remove(in_store("fxagent.db"));
   a_minute_later();
   expect_noticed_and_usable();
@@ -74,18 +56,18 @@ TEST_F(StoreFiles, FileThatWasDeletedIsNoticed) {
 
 // The database file is unchanged. Data written to an unlinked log is in no file.
 TEST_F(StoreFiles, LogThatWasDeletedIsNoticed) {
-  begin();
+  open_with_rows();
   fs::remove(in_store("fxagent.db-wal"));
   a_minute_later();
   EXPECT_EQ(store->samples().take_dropped()["a"], 3U);
   ASSERT_EQ(store->state(), "disk");
   const std::uint64_t found = store->samples().rows();  // rows of a completed checkpoint
-  ASSERT_TRUE(add(4, 5));
+  ASSERT_TRUE(add(rows(4, 5)));
   EXPECT_EQ(open().samples().rows(), found + 2);
 }
 
 TEST_F(StoreFiles, LockThatWasDeletedIsTakenAnew) {
-  begin();
+  open_with_rows();
   fs::remove(in_store("fxagent.lock"));
   a_minute_later();
   ASSERT_EQ(store->state(), "disk");
@@ -95,11 +77,11 @@ TEST_F(StoreFiles, LockThatWasDeletedIsTakenAnew) {
 
 TEST_F(StoreFiles, WhatIsFoundInAReplacedDirectoryIsTaken) {
   open();
-  ASSERT_TRUE(add(1, 7));
+  ASSERT_TRUE(add(rows(1, 7)));
   store.reset();
   const std::string other = scratch.path("other");
   fs::rename(config.path, other);
-  begin();
+  open_with_rows();
   fs::rename(config.path, scratch.path("away"));
   fs::rename(other, config.path);
   a_minute_later();
@@ -110,7 +92,7 @@ TEST_F(StoreFiles, WhatIsFoundInAReplacedDirectoryIsTaken) {
 }
 
 TEST_F(StoreFiles, NothingThatIsInItsPlaceIsTouched) {
-  begin();
+  open_with_rows();
   a_minute_later();
   EXPECT_TRUE(store->samples().take_dropped().empty());
   EXPECT_EQ(store->samples().rows(), 3U);
