@@ -26,10 +26,10 @@ std::optional<std::string> content(const DurableFile& file) {
 
 struct DurableFileTest : ::testing::Test {
   const Scratch scratch;
+  DurableFile file{scratch.path("store"), "kept.json"};
 };
 
 TEST_F(DurableFileTest, WhatWasWrittenIsReadByTheNext) {
-  const DurableFile file(scratch.path("store"), "kept.json");
   EXPECT_EQ(content(file), std::nullopt);
   EXPECT_EQ(file.write("one"), "");
   EXPECT_EQ(file.write("two"), "");
@@ -41,7 +41,6 @@ TEST_F(DurableFileTest, WhatWasWrittenIsReadByTheNext) {
 
 TEST_F(DurableFileTest, APowerCutLeavesWhatWasWrittenLast) {
   const test::SyncedFiles disk;
-  const DurableFile file(scratch.path("store"), "kept.json");
   int cuts = 0;
   const auto after_a_power_cut = [&] {
     const std::string directory = scratch.path("after-" + std::to_string(++cuts));
@@ -58,7 +57,6 @@ TEST_F(DurableFileTest, APowerCutLeavesWhatWasWrittenLast) {
 
 TEST_F(DurableFileTest, DiskOfTheTestLosesWhatWasNotSynchronised) {
   const test::SyncedFiles disk;
-  const DurableFile file(scratch.path("store"), "kept.json");
   ASSERT_EQ(file.write("one"), "");
   std::filesystem::rename(file.path(), scratch.path("store") + "/other.json");
   std::ofstream(file.path()) << "two";
@@ -68,7 +66,6 @@ TEST_F(DurableFileTest, DiskOfTheTestLosesWhatWasNotSynchronised) {
 }
 
 TEST_F(DurableFileTest, NobodyElseReadsIt) {
-  const DurableFile file(scratch.path("store"), "kept.json");
   ASSERT_EQ(file.write("one"), "");
   struct stat found {};
   ASSERT_EQ(::stat(file.path().c_str(), &found), 0);
@@ -78,7 +75,6 @@ TEST_F(DurableFileTest, NobodyElseReadsIt) {
 }
 
 TEST_F(DurableFileTest, NothingIsLeftBesideIt) {
-  const DurableFile file(scratch.path("store"), "kept.json");
   std::filesystem::create_directory(scratch.path("store"));
   std::ofstream(file.path() + ".new") << "half of";  // left by a crash
   ASSERT_EQ(file.write("one"), "");
@@ -91,7 +87,6 @@ TEST_F(DurableFileTest, NothingIsLeftBesideIt) {
 }
 
 TEST_F(DurableFileTest, ADiskThatRefusesLeavesTheOneBefore) {
-  const DurableFile file(scratch.path("store"), "kept.json");
   ASSERT_EQ(file.write("one"), "");
   std::string why;
   {
@@ -104,7 +99,6 @@ TEST_F(DurableFileTest, ADiskThatRefusesLeavesTheOneBefore) {
 }
 
 TEST_F(DurableFileTest, LinksAndWhatIsTooLargeAreNotRead) {
-  const DurableFile file(scratch.path("store"), "kept.json");
   ASSERT_EQ(file.write("one two three"), "");
   EXPECT_FALSE(file.read(5).has_value());
   std::filesystem::rename(file.path(), scratch.path("elsewhere"));
@@ -133,7 +127,6 @@ TEST_F(DurableFileTest, OneProcessOfTwoHasTheLock) {
 }
 
 TEST_F(DurableFileTest, ADirectoryThatWasReplacedIsLockedAgain) {
-  DurableFile file(scratch.path("store"), "kept.json");
   ASSERT_EQ(file.lock(), "");
   std::filesystem::rename(scratch.path("store"), scratch.path("away"));
   EXPECT_EQ(file.lock(), "");
