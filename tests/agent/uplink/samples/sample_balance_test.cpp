@@ -1,13 +1,7 @@
 // A sample that is lost or invented inside the agent is an error in the log and in health.
 #include <gtest/gtest.h>
 
-#include <nlohmann/json.hpp>
-
-#include "agent/uplink/payload/json_payload.h"
-#include "agent/uplink/publisher.h"
-#include "tests/agent/uplink/fake_broker.h"
-#include "tests/agent/uplink/plant.h"
-#include "tests/support/scratch.h"
+#include "tests/agent/uplink/publisher_bench.h"
 
 namespace fxagent {
 namespace {
@@ -15,51 +9,26 @@ namespace {
 using nlohmann::json;
 using namespace std::chrono_literals;
 
-constexpr std::int64_t kUtc = 1790000000000;
-
-struct SampleBalance : testing::Test {
+struct SampleBalance : test::OnStoredBench {
   SampleBalance() { settle(); }
 
+  /// Like the bench's settle(), which would fail without a balance.
   void settle() {
-    for (int i = 0; i < 100; ++i) publisher_.step(now_);
+    for (int i = 0; i < 100; ++i) bench.made().step(bench.now);
   }
   /// Advances to the next health tick and returns the log output.
   std::string tick() {
     testing::internal::CaptureStderr();
-    now_ += 60s;
+    bench.now += 60s;
     settle();
     return testing::internal::GetCapturedStderr();
   }
-  json samples() const {
-    return json::parse(broker_.on("fx/plant-a/edge7/health").back())["samples"];
-  }
-
-  test::Scratch scratch_;
-  Config config_ = [this] {
-    Config config = test::plant();
-    config.store.path = scratch_.path("store");
-    return config;
-  }();
-  Outbox outbox_{1000};
-  test::FakeBroker broker_;
-  SteadyTime now_ = SteadyTime(1h);
-  Store store_{config_.store, kUtc};
-  GuardedStore guarded_{store_, [this] { outbox_.notify(); }};
-  JsonPayload payload_{config_, "9f3c21aa", "0.1.0"};
-  Commands commands_{config_, [](AdmittedCommand) {}, &guarded_.journal()};
-  Publisher publisher_{config_,
-                       {.boot = "9f3c21aa", .version = "0.1.0"},
-                       payload_,
-                       outbox_,
-                       broker_,
-                       commands_,
-                       [] { return kUtc; },
-                       &guarded_};
+  json samples() const { return bench.last("/health")["samples"]; }
 };
 
 TEST_F(SampleBalance, HoldsThroughALifeOfSamples) {
-  for (std::uint64_t seq = 1; seq <= 10; ++seq) outbox_.push(test::sample(seq));
-  outbox_.push(test::counted(12, 2));
+  for (std::uint64_t seq = 1; seq <= 10; ++seq) bench.outbox.push(test::sample(seq));
+  bench.outbox.push(test::counted(12, 2));
   settle();
   const std::string log = tick();
   EXPECT_EQ(log.find("error"), std::string::npos) << log;
@@ -72,7 +41,7 @@ TEST_F(SampleBalance, SampleOutOfNowhereIsAnErrorInLogAndHealth) {
   rows[0].stream = {"press1", "fast"};
   rows[0].seq = 1;
   rows[0].content = "{}";
-  ASSERT_TRUE(store_.samples().append(rows, Store::Hold::no));
+  ASSERT_TRUE(bench.store->samples().append(rows, Store::Hold::no));
   const std::string log = tick();
   EXPECT_NE(log.find("error samples_unbalanced collected=0"), std::string::npos) << log;
   EXPECT_EQ(samples()["balanced"], false);
@@ -81,13 +50,13 @@ TEST_F(SampleBalance, SampleOutOfNowhereIsAnErrorInLogAndHealth) {
 }
 
 TEST_F(SampleBalance, FieldThatCountsOtherwiseIsAnErrorInLogAndHealth) {
-  outbox_.push(test::sample(1));
-  outbox_.push(test::counted(3, 1));
+  bench.outbox.push(test::sample(1));
+  bench.outbox.push(test::counted(3, 1));
   const std::string log = tick();
   EXPECT_NE(log.find("error samples_miscounted field=2 outbox=1"), std::string::npos) << log;
   EXPECT_EQ(samples()["balanced"], false);
-  outbox_.push(test::sample(2));
-  outbox_.push(test::counted(3, 1));
+  bench.outbox.push(test::sample(2));
+  bench.outbox.push(test::counted(3, 1));
   EXPECT_EQ(tick().find("samples_miscounted"), std::string::npos);
   EXPECT_EQ(samples()["balanced"], true);
 }
