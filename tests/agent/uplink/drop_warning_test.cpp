@@ -7,6 +7,7 @@
 #include <sstream>
 
 #include "tests/agent/uplink/publisher_bench.h"
+#include "tests/support/says.h"
 
 namespace fxagent {
 namespace {
@@ -51,9 +52,9 @@ TEST_F(DropWarningTest, FullStoreIsNamedWithItsLimitTheBrokerAndTheRemedy) {
   EXPECT_EQ(log_of_samples(20), "") << "gathered for one commit";
   const std::string begun = log_of_time(1s);
   EXPECT_TRUE(begun.starts_with("warning samples_dropped count=")) << begun;
-  EXPECT_NE(begun.find("reason=\"the store is full: store.max_bytes is 3000;"), begun.npos);
-  EXPECT_NE(begun.find("has not been connected since the start"), begun.npos) << begun;
-  EXPECT_NE(begun.find("raise store.max_bytes"), begun.npos) << begun;
+  test::expect_says(begun, "reason=\"the store is full: store.max_bytes is 3000;");
+  test::expect_says(begun, "has not been connected since the start");
+  test::expect_says(begun, "raise store.max_bytes");
 }
 
 TEST_F(DropWarningTest, LossIsReportedOncePerDayAndItsEndWithTheTotal) {
@@ -63,11 +64,9 @@ TEST_F(DropWarningTest, LossIsReportedOncePerDayAndItsEndWithTheTotal) {
   bench.lose_connection();
   bench.broker.reachable = false;
   const std::string begun = log_of_samples(50);
-  EXPECT_NE(begun.find("reason=\"the memory for samples that wait is full: 3000 bytes\""),
-            begun.npos)
-      << begun;
-  EXPECT_NE(begun.find("has not been connected for 0 s"), begun.npos) << begun;
-  EXPECT_NE(begun.find("set store.path"), begun.npos) << begun;
+  test::expect_says(begun, "reason=\"the memory for samples that wait is full: 3000 bytes\"");
+  test::expect_says(begun, "has not been connected for 0 s");
+  test::expect_says(begun, "set store.path");
   EXPECT_EQ(log_of_samples(50), "");
   EXPECT_EQ(log_of_time(24h), "") << "nothing was lost in this time";
   const std::string next_day = log_of_samples(50);
@@ -78,7 +77,7 @@ TEST_F(DropWarningTest, LossIsReportedOncePerDayAndItsEndWithTheTotal) {
   EXPECT_TRUE(ended.starts_with("info samples_dropped state=ended count=" +
                                 std::to_string(bench.made().samples().dropped) + " "))
       << ended;
-  EXPECT_NE(ended.find("is connected"), ended.npos) << ended;
+  test::expect_says(ended, "is connected");
 }
 
 TEST_F(DropWarningTest, StoreThatIsTooOldIsNamedWithItsLimit) {
@@ -87,9 +86,8 @@ TEST_F(DropWarningTest, StoreThatIsTooOldIsNamedWithItsLimit) {
   EXPECT_EQ(log_of_samples(5), "");
   EXPECT_EQ(log_of_time(1s), "");
   const std::string begun = log_of_time(2h);
-  EXPECT_NE(begun.find("count=5 reason=\"samples in the store are older than store.max_age_h\""),
-            begun.npos)
-      << begun;
+  test::expect_says(begun,
+                    "count=5 reason=\"samples in the store are older than store.max_age_h\"");
 }
 
 }  // namespace

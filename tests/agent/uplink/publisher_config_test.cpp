@@ -19,6 +19,10 @@ struct PublisherConfig : ::testing::Test, test::PublisherBench {
         .connection = [this](bool is_up, SteadyTime) { connections.push_back(is_up); }};
     made().own_topics().set_config_listener(std::move(listener));
   }
+  void answer(const std::string& text) {
+    made().own_topics().report_config(text, "");
+    settle();
+  }
   void desire(const std::string& payload) {
     broker.send(test::message_on(kDesired, payload));
     settle();
@@ -26,6 +30,13 @@ struct PublisherConfig : ::testing::Test, test::PublisherBench {
 
   std::vector<std::string> heard;
   std::vector<bool> connections;
+};
+
+struct PublisherConfigOn : PublisherConfig {
+  PublisherConfigOn() {
+    config.remote.enabled = true;
+    listen();
+  }
 };
 
 TEST_F(PublisherConfig, NothingIsHeardUnlessTheFileLetsIt) {
@@ -37,9 +48,7 @@ TEST_F(PublisherConfig, NothingIsHeardUnlessTheFileLetsIt) {
   EXPECT_TRUE(broker.on(kReported).empty());
 }
 
-TEST_F(PublisherConfig, DocumentsAndTheConnectionAreToldAsTheyCome) {
-  config.remote.enabled = true;
-  listen();
+TEST_F(PublisherConfigOn, DocumentsAndTheConnectionAreToldAsTheyCome) {
   online();
   desire("{}");
   desire("");
@@ -48,9 +57,7 @@ TEST_F(PublisherConfig, DocumentsAndTheConnectionAreToldAsTheyCome) {
   EXPECT_EQ(connections, (std::vector<bool>{true, false}));
 }
 
-TEST_F(PublisherConfig, DocumentsAreHeardAfterAReconnectToo) {
-  config.remote.enabled = true;
-  listen();
+TEST_F(PublisherConfigOn, DocumentsAreHeardAfterAReconnectToo) {
   online();
   lose_connection();
   advance(60s);
@@ -75,47 +82,34 @@ TEST_F(PublisherConfig, AReloadSwitchesItOnAndOff) {
   }
 }
 
-TEST_F(PublisherConfig, TheReportIsRetainedAndComesAfterEachConnect) {
-  config.remote.enabled = true;
-  listen();
-  made().own_topics().report_config("one", "");
-  settle();
+TEST_F(PublisherConfigOn, TheReportIsRetainedAndComesAfterEachConnect) {
+  answer("one");
   EXPECT_EQ(broker.on(kReported), std::vector<std::string>{"one"});
-  made().own_topics().report_config("two", "");
-  settle();
+  answer("two");
   EXPECT_EQ(broker.on(kReported).back(), "two");
   lose_connection();
   advance(60s);
   EXPECT_EQ(broker.on(kReported), (std::vector<std::string>{"one", "two", "two"}));
-  made().own_topics().report_config("", "");
-  settle();
+  answer("");
   EXPECT_EQ(broker.on(kReported).back(), "");
   lose_connection();
   advance(60s);
   EXPECT_EQ(broker.on(kReported).size(), 4u);  // no further answer on the old topic
 }
 
-TEST_F(PublisherConfig, AReportThatIsClearedWhileTheBrokerIsAwayIsClearedLater) {
-  config.remote.enabled = true;
-  listen();
-  made().own_topics().report_config("one", "");
-  settle();
+TEST_F(PublisherConfigOn, AReportThatIsClearedWhileTheBrokerIsAwayIsClearedLater) {
+  answer("one");
   broker.lose();
   step();
-  made().own_topics().report_config("", "");
-  settle();
+  answer("");
   advance(60s);
   EXPECT_EQ(broker.on(kReported), (std::vector<std::string>{"one", ""}));
 }
 
-TEST_F(PublisherConfig, AReportIsClearedAgainIfTheConnectionBreaksBeforeTheBrokerHasThat) {
-  config.remote.enabled = true;
-  listen();
-  made().own_topics().report_config("one", "");
-  settle();
+TEST_F(PublisherConfigOn, AReportIsClearedAgainIfTheConnectionBreaksBeforeTheBrokerHasThat) {
+  answer("one");
   broker.acknowledges = false;
-  made().own_topics().report_config("", "");
-  settle();
+  answer("");
   ASSERT_EQ(broker.on(kReported), (std::vector<std::string>{"one", ""}));
   broker.acknowledges = true;
   for (int i = 0; i < 2; ++i) {
