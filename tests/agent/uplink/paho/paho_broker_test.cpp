@@ -457,8 +457,8 @@ class Listener final {
 
 /// A thread that accepts one client, sends `answer` after its first packet and closes the
 /// connection.
-std::thread answer_first_packet(const Listener& listener, std::string_view answer) {
-  return std::thread([&listener, answer] {
+std::jthread answer_first_packet(const Listener& listener, std::string_view answer) {
+  return std::jthread([&listener, answer] {
     const int client = accept(listener.fd(), nullptr, nullptr);
     char bytes[1000];
     recv(client, bytes, sizeof bytes, 0);
@@ -469,8 +469,8 @@ std::thread answer_first_packet(const Listener& listener, std::string_view answe
 
 /// A thread that takes one client and resets the connection (RST) after its first packet, which is
 /// returned.
-std::thread reset_first_packet(const Listener& listener, std::string& packet) {
-  return std::thread([&] {
+std::jthread reset_first_packet(const Listener& listener, std::string& packet) {
+  return std::jthread([&] {
     const int client = accept(listener.fd(), nullptr, nullptr);
     packet.resize(1000);
     packet.resize(static_cast<std::size_t>(
@@ -567,11 +567,10 @@ TEST(PahoBroker, ConnectionAfterADisconnectWorks) {
 
 TEST_P(PahoBrokerVersion, ServerThatClosesBeforeItsConnackHasAnsweredAllTheSame) {
   const Listener listener;
-  std::thread server = answer_first_packet(listener, "");
+  const std::jthread server = answer_first_packet(listener, "");
   Client client(settings(listener.url(), GetParam()));
   client->connect(0, kReceiveMaximum);
   const std::string text = client.next<ConnectFailed>().text;
-  server.join();
   EXPECT_TRUE(text.starts_with("the server accepts the connection and closes it")) << text;
   EXPECT_EQ(text.find("set mqtt.version to 3.1.1") != text.npos, GetParam() == 5) << text;
 }
@@ -579,7 +578,7 @@ TEST_P(PahoBrokerVersion, ServerThatClosesBeforeItsConnackHasAnsweredAllTheSame)
 TEST_P(PahoBrokerVersion, ServerThatResetsTheConnectionIsNamed) {
   const Listener listener;
   std::string connect;
-  std::thread server = reset_first_packet(listener, connect);
+  std::jthread server = reset_first_packet(listener, connect);
   MqttConfig config = settings(listener.url(), GetParam());
   config.keep_alive = 77s;
   const std::string text = Client(config).refusal();
@@ -592,9 +591,8 @@ TEST_P(PahoBrokerVersion, ServerThatResetsTheConnectionIsNamed) {
 
 TEST(PahoBroker, ServerThatAnswersWithATlsAlertIsSaidToSpeakTls) {
   const Listener listener;
-  std::thread server = answer_first_packet(listener, {"\x15\x03\x01\x00\x02\x02\x46", 7});
+  const std::jthread server = answer_first_packet(listener, {"\x15\x03\x01\x00\x02\x02\x46", 7});
   const std::string text = Client(settings(listener.url())).refusal();
-  server.join();
   expect_says(text, "answers with TLS: try mqtts://");
 }
 
@@ -602,9 +600,8 @@ TEST(PahoBroker, EveryRefusalOfAConnectHasACure) {
   for (const char code : {'\x87', '\x88', '\x89', '\x8A', '\x95', '\x97', '\x9C', '\x9D', '\x9F'}) {
     const Listener listener;
     const std::string connack = std::string("\x20\x03\x00", 3) + code + '\0';
-    std::thread server = answer_first_packet(listener, connack);
+    const std::jthread server = answer_first_packet(listener, connack);
     const std::string text = Client(settings(listener.url())).refusal();
-    server.join();
     expect_says(text, ": ");
   }
 }
@@ -692,10 +689,7 @@ TEST_P(PahoBrokerVersion, CallThatFindsNoConnectionIsALossToldOnce) {
 
 TEST_P(PahoBrokerVersion, PacketThatIsFarTooLongEndsTheConnectionBeforeItIsRead) {
   // The beginning of a packet of 250,000,000 bytes.
-  const std::string huge = std::string("\x30\x80\xe5\x9a\x77", 5) + std::string(
-                                                                        "\x00\x01"
-                                                                        "a",
-                                                                        3);
+  const std::string huge("\x30\x80\xe5\x9a\x77\x00\x01\x61", 8);
   const SpitefulServer server(GetParam(), huge, Afterwards::stays);
   OnlineClient client(settings(server.url(), GetParam()));
   expect_says(client.next<Lost>().text, "a packet of 250000000 bytes");
@@ -817,11 +811,10 @@ TEST_F(PahoBrokerTls, CertificateOfAnAddressIsNotSaidToBeOfAnotherHost) {
 TEST_F(PahoBrokerTls, ServerThatResetsTheHandshakeIsNamed) {
   const Listener listener;
   std::string hello;
-  std::thread server = reset_first_packet(listener, hello);
+  const std::jthread server = reset_first_packet(listener, hello);
   std::string url = listener.url();
   url.insert(4, "s");
   const std::string text = Client(tls(url, "ca.pem")).refusal();
-  server.join();
   EXPECT_TRUE(text.starts_with("the server ends the TLS handshake")) << text;
 }
 
