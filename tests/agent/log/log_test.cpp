@@ -61,18 +61,6 @@ TEST(LogDeathTest, LinesBeforeATerminateAreWritten) {
   EXPECT_DEATH(end(), "error last_words n=99");
 }
 
-TEST(LogDeathTest, EqualLinesAreCountedAndTheCountIsToldAtTheEnd) {
-  const auto end = [] {
-    {
-      const log::InBackground background;
-      for (int i = 0; i < 100; ++i) log::warn("link", {{"state", "down"}});
-    }
-    std::_Exit(7);
-  };
-  EXPECT_EXIT(end(), ::testing::ExitedWithCode(7),
-              "warning repeated count=95 line=\"link state=down\"");
-}
-
 /// Runs `what` in a child that then ends with status 7, for tests of its stderr.
 template <class What>
 void in_background_and_end(What what) {
@@ -81,6 +69,16 @@ void in_background_and_end(What what) {
     what();
   }
   std::_Exit(7);
+}
+
+TEST(LogDeathTest, EqualLinesAreCountedAndTheCountIsToldAtTheEnd) {
+  const auto end = [] {
+    in_background_and_end([] {
+      for (int i = 0; i < 100; ++i) log::warn("link", {{"state", "down"}});
+    });
+  };
+  EXPECT_EXIT(end(), ::testing::ExitedWithCode(7),
+              "warning repeated count=95 line=\"link state=down\"");
 }
 
 TEST(LogDeathTest, LinesInJsonAreObjectsWithEscapedStrings) {
