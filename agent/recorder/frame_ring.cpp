@@ -21,8 +21,7 @@ struct Head {
 
 }  // namespace
 
-FrameRing::FrameRing(std::size_t bytes)
-    : capacity_(std::max(bytes, kLeastBytes)), memory_(new std::uint8_t[capacity_]) {}
+FrameRing::FrameRing(std::size_t bytes) : ring_(std::max(bytes, kLeastBytes)) {}
 
 std::uint16_t FrameRing::number(const RecordedDevice& device) {
   const std::lock_guard lock(mutex_);
@@ -32,26 +31,10 @@ std::uint16_t FrameRing::number(const RecordedDevice& device) {
   return index;
 }
 
-void FrameRing::put(const void* from, std::size_t size) noexcept {
-  const auto* source = static_cast<const std::uint8_t*>(from);
-  const std::size_t at = behind(begin_, used_);
-  const std::size_t first = std::min(size, capacity_ - at);
-  if (first > 0) std::memcpy(memory_.get() + at, source, first);
-  if (size > first) std::memcpy(memory_.get(), source + first, size - first);
-  used_ += size;
-}
-
-void FrameRing::take(void* into, std::size_t at, std::size_t size) const noexcept {
-  auto* target = static_cast<std::uint8_t*>(into);
-  const std::size_t first = std::min(size, capacity_ - at);
-  if (first > 0) std::memcpy(target, memory_.get() + at, first);
-  if (size > first) std::memcpy(target + first, memory_.get(), size - first);
-}
-
 void FrameRing::add(RecordedFrame::Way way, std::uint16_t device, SteadyTime at,
                     std::chrono::nanoseconds after, ByteView bytes,
                     std::string_view note) noexcept {
-  const ByteView kept = bytes.first(std::min(bytes.size(), capacity_ / 4));
+  const ByteView kept = bytes.first(std::min(bytes.size(), ring_.capacity() / 4));
   note = note.substr(0, kMostNote);
   const Head head{.at = at,
                   .after_ns = after.count(),
@@ -61,16 +44,16 @@ void FrameRing::add(RecordedFrame::Way way, std::uint16_t device, SteadyTime at,
                   .way = way,
                   .is_cut = kept.size() < bytes.size()};
   const std::lock_guard lock(mutex_);
-  while (capacity_ - used_ < head.size()) {
+  while (ring_.reserve() < head.size()) {
     Head oldest;
-    take(&oldest, begin_, sizeof oldest);
-    begin_ = behind(begin_, oldest.size());
-    used_ -= oldest.size();
+    std::copy_n(ring_.begin(), sizeof oldest, reinterpret_cast<std::uint8_t*>(&oldest));
+    ring_.erase_begin(oldest.size());
     ++first_;
   }
-  put(&head, sizeof head);
-  put(kept.data(), kept.size());
-  put(note.data(), note.size());
+  const auto* const raw = reinterpret_cast<const std::uint8_t*>(&head);
+  ring_.insert(ring_.end(), raw, raw + sizeof head);
+  ring_.insert(ring_.end(), kept.begin(), kept.end());
+  ring_.insert(ring_.end(), note.begin(), note.end());
   ++next_;
 }
 
@@ -86,8 +69,9 @@ RecordedFrames FrameRing::frames(std::uint64_t since, std::size_t most) const {
     out.devices = devices_;
     number = first_;
     if (since >= next_) return out;
-    copy.resize(used_);
-    take(copy.data(), begin_, used_);
+    copy.reserve(ring_.size());
+    for (const auto& [bytes, size] : {ring_.array_one(), ring_.array_two()})
+      copy.insert(copy.end(), bytes, bytes + size);
   }
   const std::uint64_t in_ring = out.next - number;
   std::uint64_t from = std::max(since, number);

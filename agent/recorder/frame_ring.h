@@ -2,10 +2,10 @@
 // allocation; any thread copies them. Both hold one short mutex.
 #pragma once
 
+#include <boost/circular_buffer.hpp>
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
-#include <memory>
 #include <mutex>
 #include <string>
 #include <string_view>
@@ -59,7 +59,7 @@ class FrameRing final {
   explicit FrameRing(std::size_t bytes);
   FrameRing(const FrameRing&) = delete;
   FrameRing& operator=(const FrameRing&) = delete;
-  std::size_t bytes() const { return capacity_; }
+  std::size_t bytes() const { return ring_.capacity(); }
 
   /// Returns the index of the device for add(). Equal devices have one index. Any thread.
   std::uint16_t number(const RecordedDevice& device);
@@ -75,19 +75,9 @@ class FrameRing final {
   RecordedFrames frames(std::uint64_t since = 0, std::size_t most = SIZE_MAX) const;
 
  private:
-  /// Returns the offset behind `size` bytes from `at`.
-  std::size_t behind(std::size_t at, std::size_t size) const noexcept {
-    return at + size < capacity_ ? at + size : at + size - capacity_;
-  }
-  void put(const void* from, std::size_t size) noexcept;
-  void take(void* into, std::size_t at, std::size_t size) const noexcept;
-
-  const std::size_t capacity_;
-  const std::unique_ptr<std::uint8_t[]> memory_;
   mutable std::mutex mutex_;
   // All below are under the mutex.
-  std::size_t begin_ = 0;  ///< offset of the oldest frame
-  std::size_t used_ = 0;
+  boost::circular_buffer<std::uint8_t> ring_;
   std::uint64_t first_ = 0;  ///< number of the oldest frame
   std::uint64_t next_ = 0;
   std::vector<RecordedDevice> devices_;
