@@ -15,21 +15,17 @@ namespace {
 using namespace test;
 using namespace std::chrono_literals;
 
-struct HttpServerTest : testing::Test {
-  void SetUp() override {
+/// A server on a Unix socket, and its clients.
+struct ServedTest : testing::Test {
+  void start(HttpServer::Answer answer, std::size_t most_body = 0) {
     HttpConfig config;
-    config.unix_path = scratch_.path("http");
-    path_ = config.unix_path;
+    config.unix_path = path_;
     auto socket = ListeningSocket::open(config);
     ASSERT_TRUE(socket.has_value()) << socket.error().text;
-    auto server = HttpServer::start(std::move(*socket), [this](const HttpRequest& request) {
-      asked_.emplace_back(request.path);
-      return HttpAnswer{200, "text/plain", body_};
-    });
+    auto server = HttpServer::start(std::move(*socket), std::move(answer), most_body);
     ASSERT_TRUE(server.has_value()) << server.error().text;
     server_ = std::move(*server);
   }
-  void TearDown() override { server_.reset(); }
 
   /// Lets the server do everything that is due. The library advances a connection one step at a
   /// time.
@@ -46,11 +42,22 @@ struct HttpServerTest : testing::Test {
   }
 
   const Scratch scratch_;
-  std::string path_;
+  const std::string path_ = scratch_.path("http");
   SteadyTime now_{1h};
+  std::unique_ptr<HttpServer> server_;
+};
+
+struct HttpServerTest : ServedTest {
+  void SetUp() override {
+    start([this](const HttpRequest& request) {
+      asked_.emplace_back(request.path);
+      return HttpAnswer{200, "text/plain", body_};
+    });
+  }
+  void TearDown() override { server_.reset(); }
+
   std::shared_ptr<const std::string> body_ = std::make_shared<const std::string>("the body\n");
   std::vector<std::string> asked_;
-  std::unique_ptr<HttpServer> server_;
 };
 
 constexpr std::string_view kGet = "GET /metrics HTTP/1.1\r\nHost: a\r\n\r\n";
@@ -221,16 +228,11 @@ TEST_F(HttpServerTest, OneBodyIsSharedByAllWhoAreSentIt) {
 
 // ---- POST ---------------------------------------------------------------------------------------
 
-struct HttpPostTest : testing::Test {
+struct HttpPostTest : ServedTest {
   static constexpr std::size_t kMostBody = 100;
 
   void SetUp() override {
-    HttpConfig config;
-    config.unix_path = scratch_.path("http");
-    auto socket = ListeningSocket::open(config);
-    ASSERT_TRUE(socket.has_value()) << socket.error().text;
-    auto server = HttpServer::start(
-        std::move(*socket),
+    start(
         [this](const HttpRequest& request) -> std::optional<HttpAnswer> {
           bodies_.emplace_back(request.body);
           last_ = request.number;
@@ -238,20 +240,12 @@ struct HttpPostTest : testing::Test {
           return HttpAnswer{200, "text/plain", std::make_shared<const std::string>("now")};
         },
         kMostBody);
-    ASSERT_TRUE(server.has_value()) << server.error().text;
-    server_ = std::move(*server);
   }
+  void TearDown() override { server_.reset(); }
 
-  void run() {
-    for (int i = 0; i < 50; ++i) server_->run(now_);
-  }
   HttpClient post(const std::string& path, const std::string& body) {
-    HttpClient made(scratch_.path("http"));
-    EXPECT_TRUE(made.connected());
-    run();
-    made.send("POST " + path + " HTTP/1.1\r\nHost: a\r\nContent-Length: " +
-              std::to_string(body.size()) + "\r\n\r\n");
-    run();
+    HttpClient made = client("POST " + path + " HTTP/1.1\r\nHost: a\r\nContent-Length: " +
+                             std::to_string(body.size()) + "\r\n\r\n");
     made.send(body);
     run();
     return made;
@@ -260,11 +254,8 @@ struct HttpPostTest : testing::Test {
     return {200, "text/plain", std::make_shared<const std::string>("late")};
   }
 
-  const Scratch scratch_;
-  SteadyTime now_{1h};
   std::vector<std::string> bodies_;
   std::uint64_t last_ = 0;
-  std::unique_ptr<HttpServer> server_;
 };
 
 TEST_F(HttpPostTest, BodyIsPassedOn) {
@@ -283,10 +274,7 @@ TEST_F(HttpPostTest, TooLongABodyIsRefused) {
 }
 
 TEST_F(HttpPostTest, BodyThatDoesNotEndIsClosed) {
-  HttpClient one(scratch_.path("http"));
-  run();
-  one.send("POST /now HTTP/1.1\r\nHost: a\r\nContent-Length: 50\r\n\r\nabc");
-  run();
+  HttpClient one = client("POST /now HTTP/1.1\r\nHost: a\r\nContent-Length: 50\r\n\r\nabc");
   now_ += HttpServer::kLongestConnection;
   run();
   EXPECT_TRUE(one.closed());
@@ -323,10 +311,7 @@ TEST_F(HttpPostTest, EndOfTheServerIsToldToThoseThatWait) {
 }
 
 TEST_F(HttpPostTest, RequestThatIsCompleteOnlyDuringTheEndOfTheServerIsRefused) {
-  HttpClient one(scratch_.path("http"));
-  run();
-  one.send("POST /later HTTP/1.1\r\nHost: a\r\nContent-Length: 2\r\n\r\nx");
-  run();
+  HttpClient one = client("POST /later HTTP/1.1\r\nHost: a\r\nContent-Length: 2\r\n\r\nx");
   one.send("x");
   server_.reset();
   EXPECT_EQ(one.status(), 503);
@@ -338,7 +323,7 @@ TEST_F(HttpPostTest, CrowdClosesNoneThatWait) {
   const std::uint64_t number = last_;
   std::vector<HttpClient> crowd;
   for (std::size_t i = 0; i < HttpServer::kCrowded; ++i) {
-    crowd.emplace_back(scratch_.path("http"));
+    crowd.emplace_back(path_);
     run();
   }
   EXPECT_TRUE(crowd.front().closed());
