@@ -155,13 +155,9 @@ void write_result(Writer& out, const CommandResult& result) {
   out.key("received").integer(result.received_ms);
   out.key("queue_ms").milliseconds(result.queue);
   out.key("wire_ms").milliseconds(result.wire);
-  out.key("total_ms");
-  result.total ? out.milliseconds(*result.total) : out.null();
-  out.key("bound_ms");
-  result.bound ? out.milliseconds(*result.bound) : out.null();
-  out.end_object();
-  out.key("attempts").integer(std::int64_t{result.attempts});
-  out.end_object();
+  out.key("total_ms").milliseconds(result.total);
+  out.key("bound_ms").milliseconds(result.bound).end_object();
+  out.key("attempts").integer(std::int64_t{result.attempts}).end_object();
 }
 
 void leave_out_details(CommandResult& result) {

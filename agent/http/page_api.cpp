@@ -66,8 +66,7 @@ void write_agent(Writer& out, const AgentStatus& status) {
   out.key("waiting").integer(samples.waiting()).end_object();
   out.key("store").begin_object().key("state").string(status.store_state);
   out.key("bytes").integer(status.store_bytes).key("hours_left");
-  status.hours_left ? out.number(*status.hours_left) : out.null();
-  out.end_object();
+  out.number(status.hours_left).end_object();
   out.key("commands").begin_object();
   for (const auto& [outcome, count] : status.commands) out.key(to_string(outcome)).integer(count);
   out.end_object();
@@ -104,9 +103,7 @@ void write_commands(Writer& out, const AgentStatus& status, std::uint64_t after)
     out.key("targets").integer(std::uint64_t{command.targets}).key("value");
     write_value(out, command.value);
     out.key("detail").string(command.detail).key("took_ms").milliseconds(command.took);
-    out.key("bound_ms");
-    command.bound ? out.milliseconds(*command.bound) : out.null();
-    out.key("frames").begin_array();
+    out.key("bound_ms").milliseconds(command.bound).key("frames").begin_array();
     for (const WireFrame& frame : command.frames.frames())
       out.begin_array()
           .string(frame.way == WireFrame::Way::out ? "out" : "in")
@@ -151,8 +148,7 @@ void write_device(Writer& out, const DeviceStatus& device) {
   out.begin_object().key("state").string(to_string(device.state));
   out.key("reason").string(device.reason).key("cure").string(device.reason_text);
   out.key("since").integer(device.since_ms).key("model").string(device.model).key("run");
-  device.run ? out.boolean(*device.run) : out.null();
-  out.end_object();
+  out.boolean(device.run).end_object();
 }
 
 /// Writes the values of a group in the order of its tags: value, time, reason if bad, since when.
@@ -171,7 +167,7 @@ void write_values(Writer& out, const DeviceConfig& device, std::size_t group,
     const bool is_single = last.type == DataType::float32 && !last.scaled;
     out.begin_array();
     write_value(out, last.value, is_single ? json::Precision::single : json::Precision::full);
-    last.ts_ms ? out.integer(*last.ts_ms) : out.null();
+    out.integer(last.ts_ms);
     if (last.bad) out.string(to_string(*last.bad)).integer(last.bad_since_ms);
     out.end_array();
   }

@@ -70,6 +70,14 @@ class Writer final {
     return number(std::round(static_cast<double>(duration.count()) / 1e3) / 1e3);
   }
 
+  // Each of these writes null if there is no value.
+  Writer& boolean(std::optional<bool> value) { return value ? boolean(*value) : null(); }
+  Writer& integer(std::optional<std::int64_t> value) { return value ? integer(*value) : null(); }
+  Writer& number(std::optional<double> value) { return value ? number(*value) : null(); }
+  Writer& milliseconds(std::optional<std::chrono::nanoseconds> duration) {
+    return duration ? milliseconds(*duration) : null();
+  }
+
   std::string take() { return std::move(text_); }
 
  private:

@@ -229,10 +229,8 @@ std::string health(const AgentStatus& status, const Config& config) {
   out.end_object();
   out.key("store").begin_object();
   out.key("state").string(status.store_state).key("bytes").integer(status.store_bytes);
-  out.key("hours_left");
-  status.hours_left ? out.number(*status.hours_left) : out.null();
-  out.key("set_aside").word(status.store_set_aside);
-  out.end_object();
+  out.key("hours_left").number(status.hours_left);
+  out.key("set_aside").word(status.store_set_aside).end_object();
   out.key("audit");
   if (status.audit_head.empty()) {
     out.null();
@@ -254,8 +252,7 @@ namespace {
 std::string offline_text(std::optional<std::int64_t> since_ms, std::string_view reason,
                          std::string_view boot) {
   json::Writer out;
-  out.begin_object().key("state").string("offline").key("since");
-  since_ms ? out.integer(*since_ms) : out.null();
+  out.begin_object().key("state").string("offline").key("since").integer(since_ms);
   return out.key("reason").string(reason).key("boot").string(boot).end_object().take();
 }
 
@@ -321,9 +318,9 @@ Publication JsonPayload::device_state(const DeviceStatus& status) const {
   out.key("since").integer(status.since_ms).key("reason").word(status.reason);
   out.key("reason_text").word(status.reason_text);
   out.key("model").word(status.model);
-  out.key("model_configured").word(status.model_configured).key("run");
-  status.run ? out.boolean(*status.run) : out.null();
-  return retained(device_topic(status.device) + "/state", out.end_object().take());
+  out.key("model_configured").word(status.model_configured);
+  out.key("run").boolean(status.run).end_object();
+  return retained(device_topic(status.device) + "/state", out.take());
 }
 
 Publication JsonPayload::device_meta(std::uint32_t device) const {
