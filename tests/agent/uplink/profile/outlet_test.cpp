@@ -65,6 +65,12 @@ struct OutletTest : testing::TestWithParam<ProfileConfig::Kind> {
     batch.telemetry[0].readings[0].value = Value(value);
     outlet_->take(batch, now_);
   }
+  /// Connects, and publishes the value 1.
+  void publish_one() {
+    settle(1s);
+    take(1.0);
+    settle();
+  }
   void remove_press1() {
     Config wanted = config_;
     wanted.devices = {config_.devices[1]};
@@ -303,9 +309,7 @@ struct PlainOutletTest : OutletTest {};
 const std::string kTemp = "fx/plant-a/edge7/press1/temp";
 
 TEST_P(PlainOutletTest, ValueThatIsLostWithTheConnectionIsPublishedInTheNextOne) {
-  settle(1s);
-  take(1.0);
-  settle();
+  publish_one();
   broker_.acknowledges = false;
   take(2.0);
   settle();
@@ -318,9 +322,7 @@ TEST_P(PlainOutletTest, ValueThatIsLostWithTheConnectionIsPublishedInTheNextOne)
 }
 
 TEST_P(PlainOutletTest, TopicOfARemovedDeviceIsClearedThoughASampleWaits) {
-  settle(1s);
-  take(1.0);
-  settle();
+  publish_one();
   take(2.0);
   remove_press1();
   settle();
@@ -328,9 +330,7 @@ TEST_P(PlainOutletTest, TopicOfARemovedDeviceIsClearedThoughASampleWaits) {
 }
 
 TEST_P(PlainOutletTest, TopicOfARemovedTagIsClearedThoughASampleWaits) {
-  settle(1s);
-  take(1.0);
-  settle();
+  publish_one();
   take(2.0);
   Config wanted = config_;
   wanted.devices[0].tags[0].name = "other";
@@ -354,9 +354,7 @@ TEST_P(PlainOutletTest, WaitingSampleOfARemovedTagIsDelivered) {
 }
 
 TEST_P(PlainOutletTest, TopicOfADeviceRemovedWhileTheBrokerIsAwayIsClearedLater) {
-  settle(1s);
-  take(1.0);
-  settle();
+  publish_one();
   broker_.reachable = false;
   lose_connection();
   remove_press1();
@@ -378,9 +376,7 @@ TEST_P(PlainOutletTest, ValueThatBecameHistoryInAConnectionIsPublished) {
 }
 
 TEST_P(PlainOutletTest, NewestValueIsPublishedThoughThatOfTheLastConnectionWaited) {
-  settle(1s);
-  take(1.0);
-  settle();
+  publish_one();
   broker_.receive_maximum = 1;
   broker_.acknowledges = false;
   lose_connection();
@@ -394,9 +390,7 @@ TEST_P(PlainOutletTest, NewestValueIsPublishedThoughThatOfTheLastConnectionWaite
 }
 
 TEST_P(PlainOutletTest, TopicThatWasBeingClearedWhenTheConnectionBrokeIsClearedLater) {
-  settle(1s);
-  take(1.0);
-  settle();
+  publish_one();
   broker_.acknowledges = false;
   remove_press1();
   settle();
@@ -410,9 +404,7 @@ TEST_P(PlainOutletTest, TopicThatWasBeingClearedWhenTheConnectionBrokeIsClearedL
 }
 
 TEST_P(PlainOutletTest, ValueThatTheBrokerRefusesForATimeIsRepeated) {
-  settle(1s);
-  take(1.0);
-  settle();
+  publish_one();
   broker_.acknowledges = false;
   lose_connection();
   settle(10s);
