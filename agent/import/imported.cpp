@@ -317,14 +317,9 @@ ImportedDevice& add_device(Imported& out, LinkTable& links, const ImportOptions&
   return device;
 }
 
-std::string modbus_address(char table, std::int64_t number) {
-  if (number < 0 || number >= kModbusAddresses) return {};
-  const std::string_view name = table == '0'   ? "co:"
-                                : table == '1' ? "di:"
-                                : table == '3' ? "ir:"
-                                : table == '4' ? "hr:"
-                                               : "";
-  return name.empty() ? std::string() : std::string(name) + std::to_string(number);
+std::string modbus_address(std::string_view table, std::int64_t number) {
+  if (table.empty() || number < 0 || number >= kModbusAddresses) return {};
+  return std::string(table) + ":" + std::to_string(number);
 }
 
 std::string melsec_bit_address(std::string_view text) {

@@ -154,9 +154,11 @@ ImportedDevice new_device(std::string_view name, std::string_view link, std::str
 ImportedDevice& add_device(Imported& out, LinkTable& links, const ImportOptions& options,
                            std::string_view name, std::string_view usual_protocol);
 
-/// Returns an address like "hr:100" for the conventional leading digit of Modbus addresses (0 1 3
-/// 4) and a number counted from 0; empty if the table or number does not exist.
-std::string modbus_address(char table, std::int64_t number);
+/// Returns an address like "hr:100" for a table (co di ir hr) and a number counted from 0; empty if
+/// there is no table or number like that.
+std::string modbus_address(std::string_view table, std::int64_t number);
+/// True for the two tables of bits.
+inline bool is_table_of_bits(std::string_view table) { return table == "co" || table == "di"; }
 
 /// Converts "D0700.12" to "D700.C": other programs count the bits of a word from 0 to 15, a config
 /// uses one hexadecimal digit. Returns any other text unchanged.

@@ -95,11 +95,11 @@ std::string_view type_of(std::string_view name, std::size_t registers, bool is_r
   return {};
 }
 
-char table_of(std::string_view name) {
-  if (name == "coil" || name == "coils") return '0';
-  if (name == "discrete" || name == "discrete_inputs") return '1';
-  if (name == "input" || name == "input_registers") return '3';
-  return name.empty() || name == "holding" || name == "holding_registers" ? '4' : '?';
+std::string_view table_of(std::string_view name) {
+  if (name == "coil" || name == "coils") return "co";
+  if (name == "discrete" || name == "discrete_inputs") return "di";
+  if (name == "input" || name == "input_registers") return "ir";
+  return name.empty() || name == "holding" || name == "holding_registers" ? "hr" : "";
 }
 
 /// Converts a byte order. "AB" and "BA" apply to one register, eight letters to four.
@@ -124,7 +124,7 @@ class TelegrafReader {
 
  private:
   struct Field {
-    char table = '?';
+    std::string_view table{};
     std::string_view order{};
     bool is_register_style = false;
   };
@@ -231,7 +231,7 @@ void TelegrafReader::read_field(const toml::table& node, std::int64_t unit, Fiel
   if (address.empty()) return leave_out("it has no Modbus address");
 
   ImportedTag tag{line, {}};
-  const bool is_bit = field.table == '0' || field.table == '1';
+  const bool is_bit = is_table_of_bits(field.table);
   const std::string_view spelled = text_at(node, field.is_register_style ? "data_type" : "type");
   const std::string_view type =
       is_bit ? "bool" : type_of(spelled, addresses.size(), field.is_register_style);

@@ -13,20 +13,22 @@ namespace {
 
 using std::string_view_literals::operator""sv;
 
-/// Converts a Modbus function code to the leading digit of its table.
-char table_of(std::int64_t function) {
-  if (function == 1 || function == 5 || function == 15) return '0';
-  if (function == 2) return '1';
-  if (function == 4) return '3';
-  return function == 3 || function == 6 || function == 16 ? '4' : '?';
+/// Returns the table of a Modbus function code; empty if it has none.
+std::string_view table_of(std::int64_t function) {
+  if (function == 1 || function == 5 || function == 15) return "co";
+  if (function == 2) return "di";
+  if (function == 4) return "ir";
+  return function == 3 || function == 6 || function == 16 ? "hr" : "";
 }
 
-bool writes(std::int64_t function) {
+/// True if the function of the tag writes.
+bool writes(const ConfigNode& tag) {
+  const auto function = integer_at(tag, "functionCode");
   return function == 5 || function == 6 || function == 15 || function == 16;
 }
 
 /// Returns the table and the address of a tag.
-std::pair<char, std::int64_t> table_and_address(const ConfigNode& tag) {
+std::pair<std::string_view, std::int64_t> table_and_address(const ConfigNode& tag) {
   return {table_of(integer_at(tag, "functionCode").value_or(0)),
           integer_at(tag, "address").value_or(-1)};
 }
@@ -110,7 +112,7 @@ class ThingsboardReader {
   LinkTable links_{out_};
   NameMaker device_names_;
   /// Places of the current slave that attributeUpdates and rpc may write, by table and address.
-  std::set<std::pair<char, std::int64_t>> written_;
+  std::set<std::pair<std::string_view, std::int64_t>> written_;
 };
 
 std::string ThingsboardReader::link_of(const ConfigNode& slave, std::string_view protocol) {
@@ -145,18 +147,16 @@ void ThingsboardReader::read_tag(const ConfigNode& slave, const ConfigNode& node
   };
   const std::size_t before = out_.notes.size();
   const auto registers = integer_at(node, "objectsCount").value_or(1);
-  const auto function = integer_at(node, "functionCode").value_or(0);
-  const auto number = integer_at(node, "address").value_or(-1);
+  const auto [table, number] = table_and_address(node);
   const std::string spelled = lower(text_at(node, "type"));
   const std::string_view type = type_of(spelled, registers);
   if (type.empty())
     return leave_out("a config has no type \"" + spelled + "\" of " + std::to_string(registers) +
                      " registers");
-  const char table = table_of(function);
   std::string address = modbus_address(table, number);
-  if (address.empty() || writes(function))
+  if (address.empty() || writes(node))
     return leave_out("it has no function that reads, or no address");
-  const bool is_bit = table == '0' || table == '1';
+  const bool is_bit = is_table_of_bits(table);
   note_other_keys(out_, tree_, node, std::string(name),
                   {"tag", "type", "functionCode", "objectsCount", "address", "bit", "byteOrder",
                    "wordOrder", "divider", "multiplier"});
@@ -263,12 +263,11 @@ void ThingsboardReader::read_slave(const ConfigNode& slave) {
   written_.clear();
   for (const auto list : {"attributeUpdates"sv, "rpc"sv})
     for (const ConfigNode& node : children_at(slave, list))
-      if (writes(integer_at(node, "functionCode").value_or(0)))
-        written_.insert(table_and_address(node));
+      if (writes(node)) written_.insert(table_and_address(node));
   NameMaker names;
   IntervalGroups groups(device);
   read_publishing(slave, groups);
-  std::set<std::pair<char, std::int64_t>> read;
+  std::set<std::pair<std::string_view, std::int64_t>> read;
   for (const auto list : {"attributes"sv, "timeseries"sv})
     for (const ConfigNode& node : children_at(slave, list)) {
       read_tag(slave, node, device, groups, names);

@@ -100,13 +100,11 @@ TEST(LinkTable, WhatAPortIs) {
 }
 
 TEST(ModbusAddress, NamesTheTable) {
-  EXPECT_EQ(modbus_address('0', 5), "co:5");
-  EXPECT_EQ(modbus_address('1', 0), "di:0");
-  EXPECT_EQ(modbus_address('3', 65535), "ir:65535");
-  EXPECT_EQ(modbus_address('4', 1), "hr:1");
-  EXPECT_EQ(modbus_address('4', 65536), "");
-  EXPECT_EQ(modbus_address('4', -1), "");
-  EXPECT_EQ(modbus_address('2', 1), "");
+  EXPECT_EQ(modbus_address("co", 0), "co:0");
+  EXPECT_EQ(modbus_address("ir", 65535), "ir:65535");
+  EXPECT_EQ(modbus_address("hr", 65536), "");
+  EXPECT_EQ(modbus_address("hr", -1), "");
+  EXPECT_EQ(modbus_address("", 1), "");
 }
 
 ImportedTag tag(int line, const char* name, const char* address) {
