@@ -406,7 +406,7 @@ void CommandResults::note_last(const std::string& device, const CommandResult& r
                   .device = device,
                   .id = result.id,
                   .op = result.op,
-                  .by = shortened(result.by),
+                  .by = shortened(result.sender),
                   .target = first.tag.empty() ? first.address : first.tag,
                   .value = first.value ? shortened(*first.value) : Value(),
                   .targets = result.targets.size(),

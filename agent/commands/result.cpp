@@ -10,19 +10,9 @@ namespace fxagent {
 
 CommandResult result_of(const Command& command) {
   CommandResult result;
-  result.device = command.device;
-  result.number = command.number;
-  result.id = command.id;
-  result.id_is_number = command.id_is_number;
+  static_cast<CommandHead&>(result) = command;
   result.op = command.op_text;
-  result.is_list = command.is_list;
-  result.dry_run = command.dry_run;
-  result.received_ms = command.received_ms;
-  result.received = command.received;
-  result.response_topic = command.response_topic;
-  result.correlation = command.correlation;
-  result.reply = command.reply;
-  result.by = sender_of(command);
+  result.sender = sender_of(command);
   for (const CommandTarget& target : command.targets) {
     TargetResult out;
     out.tag = target.tag;

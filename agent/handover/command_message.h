@@ -124,19 +124,23 @@ struct RelayedCommand : MessageProperties {
   std::string payload;  ///< as on a command topic
 };
 
-struct Command : MessageProperties {
+/// The part that a command and its result share.
+struct CommandHead : MessageProperties {
   std::uint32_t device = 0;
-  std::uint64_t number = 0;   ///< command number in the audit, shared with its result; 0: none
-  std::string id;             ///< empty if no id could be read
+  std::uint64_t number = 0;   ///< command number in the audit; 0: none
+  std::string id;             ///< empty if no id could be read: null in the result
   bool id_is_number = false;  ///< the id came as a JSON integer; `id` is its decimal text
+  bool is_list = false;       ///< the payload had a `targets` list
+  bool dry_run = false;
+};
+
+struct Command : CommandHead {
   std::optional<Op> op;
   std::string op_text;  ///< as received, for the result
   std::vector<CommandTarget> targets;
-  bool is_list = false;  ///< the payload had a `targets` list
   std::optional<std::int64_t> expires_ms;
   std::optional<Value> expect;
   std::optional<bool> verify;
-  bool dry_run = false;
   std::string by;
   std::optional<Refusal> refusal;
   /// Set for the command line's `read`, which may read addresses outside the allow list.
@@ -199,21 +203,14 @@ struct TargetResult : CommandOutcome {
   std::optional<Verification> verify;
 };
 
-struct CommandResult : CommandOutcome {
-  std::uint32_t device = 0;
-  std::uint64_t number = 0;   ///< command number
-  std::string id;             ///< empty: null in the payload
-  bool id_is_number = false;  ///< as in the command
+/// `sender` is sender_of() its command.
+struct CommandResult : CommandOutcome, CommandHead {
   std::string op;
-  bool is_list = false;
   bool one_frame = false;  ///< list only: one frame carried all targets
-  std::vector<TargetResult>
-      targets;  ///< exactly one unless is_list; may be empty if none could be read
-  bool dry_run = false;
+  /// Exactly one unless is_list; may be empty if none could be read.
+  std::vector<TargetResult> targets;
   int attempts = 0;  ///< number of times the command was sent
 
-  std::int64_t received_ms = 0;
-  SteadyTime received{};
   std::chrono::nanoseconds queue{0};
   std::chrono::nanoseconds wire{0};
   /// From arrival to the hand-over to MQTT; nullopt until then.
@@ -229,11 +226,6 @@ struct CommandResult : CommandOutcome {
   /// Result of the first command; null if it must be read from the journal.
   std::shared_ptr<const CommandResult> first;
 
-  // The rest is not part of the remembered result.
-  std::string response_topic;
-  Bytes correlation;
-  std::function<void(const std::string& result)> reply;  ///< as in MessageProperties
-  std::string by;                                        ///< sender_of() its command
   FrameTrace frames;  ///< only for a command that was carried out
 };
 
