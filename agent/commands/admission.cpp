@@ -327,6 +327,7 @@ std::optional<Refusal> CommandAdmission::resolve_place(const Codec& codec, Op op
   if (!span) return refuse(Reason::bad_address, span.error().text);
   if (const auto inside = codec.addresses().check_range(*span); !inside)
     return refuse(Reason::bad_address, inside.error().text);
+  if (auto why = check_model(codec, *span)) return why;
   const Address& place = out.point.address;
   const bool is_bit = !out.point.is_array &&
                       (place.unit == Unit::bit || (place.unit == Unit::word_bit && place.writable));
@@ -347,6 +348,16 @@ std::optional<Refusal> CommandAdmission::resolve_place(const Codec& codec, Op op
                   out.point.address.text + " cannot be reached with this model" +
                       (must_ask_model(codec) ? " before the model is known" : ""));
   return std::nullopt;
+}
+
+std::optional<Refusal> CommandAdmission::check_model(const Codec& codec, const Span& span) const {
+  if (codec_of_plc_ == nullptr) return std::nullopt;
+  const std::string name = codec.addresses().name_of(span);
+  const std::string on_plc = codec_of_plc_->addresses().name_of(span);
+  if (name == on_plc) return std::nullopt;
+  return refuse(Reason::bad_address, name + " is " + on_plc + " on this PLC: it is an " +
+                                         model_of(*codec_of_plc_) + ", but the config says " +
+                                         model_of(codec) + "; correct model, or set it to auto");
 }
 
 std::optional<Refusal> CommandAdmission::check_access(const Codec& codec, const Command& command,

@@ -51,8 +51,12 @@ class CommandAdmission final {
   /// ids.
   void use(const DeviceConfig& device) {
     device_ = &device;
+    codec_of_plc_ = nullptr;
     is_reloading_ = false;
   }
+  /// The PLC is another model than the codec of admit(): `codec` is that of its own. A command for
+  /// a place that has another name there is refused, with `bad_address`. Null: it is not.
+  void plc_has(std::shared_ptr<const Codec> codec) { codec_of_plc_ = std::move(codec); }
 
   /// Restores an id of an earlier run. `utc_ms` is the calendar time of `now`.
   void restore(const KnownId& known, SteadyTime now, std::int64_t utc_ms);
@@ -83,6 +87,7 @@ class CommandAdmission final {
                                         const CommandTarget& target, AdmittedTarget& out) const;
   std::optional<Refusal> resolve_place(const Codec& codec, Op op, const CommandTarget& target,
                                        AdmittedTarget& out) const;
+  std::optional<Refusal> check_model(const Codec& codec, const Span& span) const;
   std::optional<Refusal> check_access(const Codec& codec, const Command& command,
                                       const AdmittedTarget& target) const;
   std::optional<Refusal> check_value(const Codec& codec, const Command& command,
@@ -91,6 +96,7 @@ class CommandAdmission final {
   const DeviceConfig* device_;  ///< never null
   const std::shared_ptr<SharedAdmission> shared_;
   IdMemory ids_;
+  std::shared_ptr<const Codec> codec_of_plc_;
   bool is_reloading_ = false;
 };
 

@@ -148,8 +148,11 @@ class Commands final {
   /// Takes the result of an admitted command.
   void finish(CommandResult result, std::int64_t utc_ms);
   /// Sets the codec of a device whose model was identified: its addresses may mean something else.
-  void set_codec(std::uint32_t device, std::shared_ptr<const Codec> codec) {
+  /// `of_plc`: DeviceStatus::codec_of_plc.
+  void set_codec(std::uint32_t device, std::shared_ptr<const Codec> codec,
+                 std::shared_ptr<const Codec> of_plc) {
     devices_.at(device)->codec = std::move(codec);
+    devices_.at(device)->admission.plc_has(std::move(of_plc));
   }
   /// Rejects every later command that would be admitted, with `shutting_down`.
   void close() { shared_->is_stopping = true; }

@@ -64,6 +64,8 @@ struct DeviceStatus {
   /// Codec that interprets the device's addresses: the config's, or the one for the detected model.
   /// Null: unchanged. Both threads read it; neither modifies it.
   std::shared_ptr<const Codec> codec{};
+  /// Codec for the model that the PLC reports, if `codec` is for another model; else null.
+  std::shared_ptr<const Codec> codec_of_plc{};
 
   friend bool operator==(const DeviceStatus&, const DeviceStatus&) = default;
   /// True if the device answers, at least to a part of what is read.

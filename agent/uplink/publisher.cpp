@@ -143,7 +143,8 @@ void Publisher::take_outbox(SteadyTime now) {
   for (Outlet* outlet : outlets_) outlet->take(batch, now);
   for (DeviceStatus& status : batch.states) {
     const std::uint32_t device = status.device;
-    if (status.codec) commands_.set_codec(device, std::move(status.codec));
+    if (status.codec)
+      commands_.set_codec(device, std::move(status.codec), std::move(status.codec_of_plc));
     states_.set(std::move(status));
     retained_.device_state_changed(device);
   }

@@ -100,6 +100,15 @@ class EveryFrame(McTest):
                 self.assertIn(code, refused["detail"])
                 self.assertEqual(self.sim.get(name, "D200"), 0)
 
+    def test_an_output_that_has_another_name_on_the_plc_is_not_switched(self):
+        self.start_around([self.plc_of("fx5")])
+        self.start_agent([self.device_of("fx5", model="Q", commands={"allow": ["Y0-Y1F"]})], [self.link_of("fx5")])
+        self.watcher.wait("fx/plant-a/edge7/fx5/state", lambda s: s["model_configured"] == "Q")
+        refused = self.reject("bad_address", "fx5", op="force_on", address="Y10")
+        self.assertIn("Y10 is Y20 on this PLC", refused["detail"])
+        self.assertEqual(self.sim.get("fx5", "Y20"), 0)
+        self.succeed("fx5", op="force_on", address="Y7")
+
     def test_a_hole_costs_the_tags_in_it_alone(self):
         names = ["fx3", "fx5", "iqr"]
         self.start_plant(names, **{name: {"holes": ["D101"]} for name in names})

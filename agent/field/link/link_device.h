@@ -68,6 +68,7 @@ struct LinkDevice {
   std::optional<SteadyTime> leaves_by{};
   /// The config's, or that of the model found by asking.
   std::shared_ptr<const Codec> codec = config.codec;
+  std::shared_ptr<const Codec> codec_of_plc;  ///< DeviceStatus::codec_of_plc
   Station station{.codec = config.codec,
                   .device = config.name,
                   .timeout = config.timeout,

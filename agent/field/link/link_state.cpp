@@ -354,6 +354,7 @@ void LinkState::update(LinkDevice& device) {
   if (change->other_state) log_state(device.config.name, change->status);
   DeviceStatus status = change->status;
   status.codec = device.codec;
+  status.codec_of_plc = device.codec_of_plc;
   link_.outbox.push(std::move(status));
 }
 

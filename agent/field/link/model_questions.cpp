@@ -88,13 +88,15 @@ asio::awaitable<void> ModelQuestions::compare_model(LinkDevice& device,
   end_cycle();
   const auto model = is_answer ? plc.model_from(device.model_images) : std::nullopt;
   device.state.compare_model(model);
-  if (model && *model != model_of(*device.codec))
+  const bool is_other = model && *model != model_of(*device.codec);
+  if (is_other)
     log::warn(
         "device",
         {{"device", device.config.name},
          {"model", *model},
          {"model_configured", model_of(*device.codec)},
          {"note", "the PLC is not the model of the config: correct model, or set it to auto"}});
+  if (model) device.codec_of_plc = is_other ? plc.with_model(*model) : nullptr;
   state_.update(device);
 }
 

@@ -349,6 +349,31 @@ TEST_F(CommandAdmissionTest, InterruptedBroadcastIsNotReadBack) {
       << "a unit of its own";
 }
 
+TEST_F(CommandAdmissionTest, PlaceThatHasAnotherNameOnThePlcIsRefused) {
+  const auto model = [](const char* name) {
+    return codec_of("mc-3e", {{"model", std::string(name)}});
+  };
+  DeviceConfig q = device_on("mc-3e", model("Q"));
+  for (const char* range : {"Y0-YFF", "D0-D10"})
+    q.commands.allow.push_back(*q.codec->addresses().parse_range(range));
+  CommandAdmission of_q{q};
+  int id = 0;
+  const auto refusal = [&](std::string address) {
+    auto decision =
+        of_q.admit(raw(std::to_string(++id), std::move(address), number(1)), q.codec, 0, now);
+    const auto* result = std::get_if<CommandResult>(&decision);
+    return result == nullptr ? "" : std::string(to_string(result->reason)) + " " + result->detail;
+  };
+  EXPECT_EQ(refusal("Y10"), "");
+  of_q.plc_has(model("FX5U"));
+  expect_says(refusal("Y10"),
+              "bad_address Y10 is Y20 on this PLC: it is an FX5U, but the config says Q");
+  EXPECT_EQ(refusal("Y7"), "") << "the same output on both";
+  EXPECT_EQ(refusal("D10"), "");
+  of_q.plc_has(nullptr);
+  EXPECT_EQ(refusal("Y10"), "");
+}
+
 TEST_F(CommandAdmissionTest, IdOfAnInterruptedCommandIsKnownWithoutAResult) {
   const auto admitted = admission.interrupted(write("left"), device.codec, now);
   ASSERT_TRUE(admitted);

@@ -132,7 +132,7 @@ void AgentLife::take_outbox() {
     commands_.finish(std::move(result), path_utc_ms());
   }
   for (const DeviceStatus& status : batch.states)
-    if (status.codec) commands_.set_codec(status.device, status.codec);
+    if (status.codec) commands_.set_codec(status.device, status.codec, status.codec_of_plc);
 }
 
 void AgentLife::publish_results() {

@@ -241,6 +241,8 @@ TEST_F(PortPolls, PlcOfAnotherModelThanTheConfigsIsLoggedAndToldOnce) {
   steps_until([&] { return !newest[0].model_configured.empty(); });
   EXPECT_EQ(newest[0].model_configured, "FX3U");
   EXPECT_EQ(newest[0].model, "FX2N");
+  ASSERT_NE(newest[0].codec_of_plc, nullptr) << "by which commands are judged";
+  EXPECT_EQ(model_of(*newest[0].codec_of_plc), "FX2N");
   EXPECT_EQ(newest[0].state, State::online);
   const std::size_t asked = wire->written().size();
   step();
