@@ -480,7 +480,9 @@ TEST_F(PublisherTest, CommandOfAProfileDuringTheEndIsAnsweredAtItsBroker) {
   const auto relay = [this](RelayedCommand command) {
     bench.made().take_relayed(std::move(command), bench.now);
   };
-  JsonProfile profile(bench.config, "9f3c21aa", "0.1.0", 0, "cloud", relay);
+  ProfileConfig what;
+  what.broker = "cloud";
+  JsonProfile profile(bench.config, what, "9f3c21aa", "0.1.0", 0, relay);
   Outlet::Settings settings;
   settings.mqtt = bench.config.mqtt;
   Outlet outlet(
