@@ -313,9 +313,12 @@ void Wire::note_outcome(const Station& station, const Request& request, const Ex
   if (recovery == Recovery::none && broken_off && !datagrams) recovery = Recovery::reconnect;
   if (recovery == Recovery::none) return;
   if (recovery == Recovery::reconnect && !datagrams) {
-    // A lost channel is closed already.
-    if (exchange.outcome != Exchange::Outcome::link_down) channel_.close_after_silence();
-    return;
+    // The next attempt after a loss waits, and all devices are offline until then. One device may
+    // send nonsense while others answer. A peer that has never answered may be a stranger.
+    const bool is_stranger =
+        exchange.outcome == Exchange::Outcome::garbled && !channel_.was_ever_answered();
+    const bool is_loss = exchange.outcome == Exchange::Outcome::link_down || is_stranger;
+    return is_loss ? channel_.close() : channel_.close_after_silence();
   }
   if (datagrams && is_numbered(codec)) return;
   // A lost ACK stays owed until a read has been answered, whatever is asked in between.

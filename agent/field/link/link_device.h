@@ -93,9 +93,7 @@ struct LinkDevice {
   SteadyTime causes_logged_since{};
   std::bitset<UnexpectedBytes::kCauses> logged_causes;
   bool asked_in_vain = false;  ///< the last exchange had no answer
-  /// Exchanges since its last answer that brought nonsense; see LinkState::failed().
-  int nonsense = 0;
-  std::string gateway_says;  ///< last reason of a gateway that answered in its place; empty: none
+  std::string gateway_says;    ///< last reason of a gateway that answered in its place; empty: none
   std::vector<std::string> logged_refusals;  ///< reasons logged since it was online
   DeviceState state{index, *config.codec, utc_now_ms()};
 

@@ -182,8 +182,8 @@ nanoseconds LinkState::begin(SteadyTime now, milliseconds spread) {
 
 void LinkState::opened() {
   if (!link_.bus.is_open() || was_open_) return;
-  // A peer that babbles, sends nonsense or closes what it accepts, accepts every connection. It is
-  // back when it has answered.
+  // A peer that babbles, or closes what it accepts, accepts every connection. It is back when it
+  // has answered.
   if (!link_.bus.channel().never_silent() && !was_refused_) reconnect_policy_.opened();
   was_open_ = true;
   if (!is_vain_) log_up_once();
@@ -275,7 +275,6 @@ void LinkState::answered(LinkDevice& device) {
   if (!link_.bus.channel().never_silent()) reconnect_policy_.opened();
   device.state.answered();
   device.asked_in_vain = false;
-  device.nonsense = 0;
   device.gateway_says.clear();
   PolledDevice& polled = link_.scheduler.device(device.id);
   const bool is_back = polled.is_silent();
@@ -289,7 +288,6 @@ void LinkState::unreachable(LinkDevice& device, const std::string& reason) {
   unanswered_in_a_row_ = 0;
   device.gateway_says = reason;
   device.asked_in_vain = true;
-  device.nonsense = 0;
   link_.scheduler.device(device.id).unanswered(Clock::now());
 }
 
@@ -309,33 +307,11 @@ void LinkState::unanswered(LinkDevice& device, PolledDevice::AskedBy by) {
           {});
 }
 
-void LinkState::failed(LinkDevice& device, const Exchange& exchange) {
-  if (exchange.outcome == Exchange::Outcome::unanswered) unanswered(device);
-  if (exchange.outcome == Exchange::Outcome::link_down) lost(exchange.error);
-  if (exchange.outcome == Exchange::Outcome::garbled) got_nonsense(device);
-}
-
-void LinkState::got_nonsense(LinkDevice& device) {
-  device.nonsense = std::min(device.nonsense + 1, kMostNonsense);
-  const auto may_answer = [this](const auto& each) {
-    return each->nonsense < kMostNonsense && !each->codec->is_broadcast() &&
-           !link_.scheduler.device(each->id).is_silent();
-  };
-  if (!link_.bus.channel().closed_after_silence() || std::ranges::any_of(link_.devices, may_answer))
-    return;
-  // Each device is asked before the next pause: those asked first must not keep the others offline.
-  for (const auto& each : link_.devices)
-    each->nonsense = std::min(each->nonsense, kMostNonsense - 1);
-  lost("no answer is a valid frame: does another service or protocol answer at this port?");
-  was_refused_ = true;
-  next_open_ = Clock::now() + reconnect_policy_.after_failure();
-}
-
 void LinkState::update(LinkDevice& device) {
   DeviceState::Facts facts;
   facts.yielded = yielded_;
   facts.silent = is_silent(link_, device);
-  const bool opens_again = was_open_ && logged_up_ && link_.bus.channel().closed_after_silence();
+  const bool opens_again = was_open_ && link_.bus.channel().closed_after_silence();
   facts.bus_open = link_.bus.is_open() || opens_again || (is_left_ && facts.silent);
   facts.never_silent = link_.bus.channel().never_silent();
   if (!facts.bus_open)

@@ -73,10 +73,6 @@ class LinkState final {
   /// Records a request that the device left unanswered. Closes a TCP connection or UDP port on
   /// which no device answers any more.
   void unanswered(LinkDevice& device, PolledDevice::AskedBy by = PolledDevice::AskedBy::poll);
-  /// Records an exchange of a poll without an answer: silence, a loss, or nonsense. If nonsense has
-  /// closed the bus, and each device that is not silent has sent kMostNonsense of it since its last
-  /// answer, the link is down, and each further attempt is made later.
-  void failed(LinkDevice& device, const Exchange& exchange);
   /// Records that a gateway answered `reason` in place of the device: the device is silent, the
   /// connection is not. Logs each reason once until the device is online.
   void unreachable(LinkDevice& device, const std::string& reason);
@@ -91,10 +87,6 @@ class LinkState final {
  private:
   void log_up_once();
   void go_down(std::string why, std::string_view note);
-  void got_nonsense(LinkDevice& device);
-
-  /// One device may send nonsense while others answer, and noise may spoil a few answers in a row.
-  static constexpr int kMostNonsense = 3;
 
   const LinkParts link_;
   const std::size_t links_;
@@ -111,7 +103,7 @@ class LinkState final {
   /// first answer.
   bool logged_up_ = false;
   bool is_vain_ = false;      ///< the previous session had no answer
-  bool was_refused_ = false;  ///< and its peer ended it, or had sent only nonsense
+  bool was_refused_ = false;  ///< and its peer ended it
   int unanswered_in_a_row_ = 0;
   std::string yielded_;                 ///< empty: the port is ours
   Reason why_stopping_ = Reason::none;  ///< none: not stopping

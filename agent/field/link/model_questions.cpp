@@ -47,7 +47,8 @@ bool ModelQuestions::take_answer(LinkDevice& device, const PollScheduler::PollSt
                                  const Exchange& exchange) {
   device.log_foreign_bytes(exchange);
   link_.scheduler.step_used(step, exchange.line_time());
-  state_.failed(device, exchange);
+  if (exchange.outcome == Exchange::Outcome::unanswered) state_.unanswered(device);
+  if (exchange.outcome == Exchange::Outcome::link_down) state_.lost(exchange.error);
   const bool by_gateway =
       exchange.is_nak() && device.codec->is_from_gateway(exchange.reply.device_code);
   if (by_gateway) state_.unreachable(device, exchange.reply.text);
@@ -144,7 +145,8 @@ asio::awaitable<ModelQuestions::Knowledge> ModelQuestions::ask_model(LinkDevice&
       images.push_back(exchange.is_data() ? exchange.reply.image : Bytes{});
       continue;
     }
-    state_.failed(device, exchange);
+    if (exchange.outcome == Exchange::Outcome::unanswered) state_.unanswered(device);
+    if (exchange.outcome == Exchange::Outcome::link_down) state_.lost(exchange.error);
     failure = bad_reason(exchange);
     co_return Knowledge::unanswered;
   }

@@ -149,11 +149,17 @@ void Poller::take_reading(LinkDevice& device, GroupPoll& group, const PollSchedu
       (exchange.outcome == Exchange::Outcome::unanswered ||
        exchange.outcome == Exchange::Outcome::garbled))
     plans_.doubt_command(device, asked.request);
-  state_.failed(device, exchange);
-  if (exchange.outcome == Exchange::Outcome::unanswered ||
-      exchange.outcome == Exchange::Outcome::link_down)
-    return fail_cycle(device, group, bad_reason(exchange));
+  if (exchange.outcome == Exchange::Outcome::unanswered) {
+    state_.unanswered(device);
+    fail_cycle(device, group, BadReason::timeout);
+    return;
+  }
   if (exchange.is_data() && plans_.proves_command(device, asked.request)) return;
+  if (exchange.outcome == Exchange::Outcome::link_down) {
+    state_.lost(exchange.error);
+    fail_cycle(device, group, BadReason::link_down);
+    return;
+  }
   // While the bus is doubted, each exchange takes its silences, and a repeat would be doubted as
   // well.
   bool repeatable =

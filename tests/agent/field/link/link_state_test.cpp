@@ -247,48 +247,6 @@ TEST_F(LinkStateTest, PeerThatClosesBeforeItsFirstAnswerIsTriedEverMoreSeldomAnd
   EXPECT_EQ(log.find("state=up"), std::string::npos) << log;
 }
 
-TEST_F(LinkStateTest, PeerThatSendsOnlyNonsenseIsConnectedEverMoreSeldomUntilItHasAnswered) {
-  use(TcpSettings{"192.0.2.10", 502});
-  station = devices[0]->station;
-  station.codec = codec_of("modbus-tcp");
-  std::string number;
-  const auto session = [&](const std::string& answer) {
-    wire->expect(*from_hex(number + " 00 00 00 06 01 03 00 00 00 01")).give(*from_hex(answer));
-    const Exchange exchange = read("hr:0");
-    if (exchange.has_answer()) link->answered(*devices[0]);
-    link->failed(*devices[0], exchange);
-    link->check_bus();
-    return next_open_in();
-  };
-  const auto nonsense = [&](const std::string& tag) {
-    number = tag;
-    const nanoseconds pause = session("FF FF FF FF FF FF FF FF FF");
-    EXPECT_FALSE(bus->is_open());
-    wire->silence();
-    open();
-    return pause;
-  };
-  wire->silence();
-  open();
-  number = "00 01";
-  session("00 01 00 00 00 05 01 03 02 00 07");
-  EXPECT_LE(nonsense("00 02"), nanoseconds(0));
-  EXPECT_LE(nonsense("00 03"), nanoseconds(0));
-  const std::string log = logged([&] {
-    const nanoseconds first = nonsense("00 04");
-    EXPECT_GT(first, milliseconds(300));
-    const nanoseconds second = nonsense("00 05");
-    EXPECT_GT(second, milliseconds(700));
-    EXPECT_GT(nonsense("00 06"), milliseconds(1400));
-  });
-  EXPECT_NE(log.find("no answer is a valid frame"), std::string::npos) << log;
-  EXPECT_EQ(log.find("state=down"), log.rfind("state=down")) << log;
-  number = "00 07";
-  session("00 07 00 00 00 05 01 03 02 00 07");
-  EXPECT_TRUE(bus->is_open());
-  EXPECT_LE(nonsense("00 08"), nanoseconds(0)) << "the answer has ended the series";
-}
-
 TEST_F(LinkStateTest, ConnectionThatFollowsAVainOneIsUpOnceItHasAnswered) {
   use(TcpSettings{"192.0.2.10", 5551});
   wire->silence().expect(kReadD100).hang_up();
