@@ -77,7 +77,7 @@ class Publisher final {
   /// Adds a profile with a session of its own. Call before the first step(); it is used until
   /// finished().
   void add(Outlet& outlet) {
-    outlet.answer_in_stop([this] { return !intake_.empty(); });
+    outlet.answer_in_stop([this] { return !shutdown_.finished() && !intake_.empty(); });
     outlets_.push_back(&outlet);
   }
 
