@@ -97,38 +97,40 @@ void Session::end(SteadyTime now) {
   listener_.connection_ended(now);
 }
 
-void Session::leave(SteadyTime now) {
-  broker_.disconnect(with_will_);
-  end(now);
-  link_ = Link::leaving;
-  act_at_ = now + kGoodbye;
-}
-
 void Session::reconnect_one_at_a_time(SteadyTime now) {
   log::warn(
       "broker_sends_too_far_ahead",
       {{"server", connects_.server()},
        {"note", "PUBACKs arrive late, after messages; connecting again with Receive Maximum 1"}});
   receive_maximum_ = 1;
-  leave(now);
+  broker_.disconnect(with_will_);
   broker_.hold_messages(true);  // unread messages end with the session
+  end(now);
+  link_ = Link::leaving;
+  act_at_ = now + kGoodbye;
 }
 
 void Session::restart(SteadyTime now) {
+  const bool was_connected = link_ == Link::connected;
   connects_.restart();
   last_failure_.clear();
   receive_maximum_ = kReceiveMaximum;
-  if (link_ == Link::connected) return leave(now);
-  // An attempt without an answer is not left: connect() abandons it.
+  if (was_connected) {
+    broker_.disconnect(with_will_);
+    end(now);
+  }
   if (link_ == Link::connecting) listener_.attempt_failed();
-  link_ = Link::waiting;
-  act_at_ = now;
+  // An attempt without an answer is not left: connect() abandons it.
+  link_ = was_connected ? Link::leaving : Link::waiting;
+  act_at_ = was_connected ? now + kGoodbye : now;
 }
 
 void Session::go_to_next(SteadyTime now) {
   const SteadyTime next = connects_.after_failure(now);
-  leave(now);
-  act_at_ = not_before_ = std::max(next, act_at_);
+  broker_.disconnect(with_will_);
+  end(now);
+  link_ = Link::leaving;
+  act_at_ = not_before_ = std::max(next, now + kGoodbye);
 }
 
 void Session::reconnect_if_leaving(SteadyTime now) {

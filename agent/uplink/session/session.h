@@ -88,8 +88,6 @@ class Session final {
 
   void connect(SteadyTime now);
   void end(SteadyTime now);
-  /// Disconnects in order to connect again.
-  void leave(SteadyTime now);
   void watch(SteadyTime now);
 
   Broker& broker_;
