@@ -147,7 +147,9 @@ bool Reload::wait() {
   const auto left = remote_.next_wake() - std::chrono::steady_clock::now();
   // The C library does not distinguish pthread_kill() from kill(); a signal of this process is
   // wake().
-  return hangup_by(std::max(left, SteadyTime::duration::zero())).value_or(::getpid()) != ::getpid();
+  // No longer than a day: old kernels of 32-bit machines take no wait beyond 2038.
+  const auto wait = std::clamp<SteadyTime::duration>(left, {}, std::chrono::hours(24));
+  return hangup_by(wait).value_or(::getpid()) != ::getpid();
 }
 
 void Reload::run(Begin begin) {

@@ -352,8 +352,8 @@ std::optional<Refusal> CommandAdmission::resolve_place(const Codec& codec, Op op
 
 std::optional<Refusal> CommandAdmission::check_model(const Codec& codec, const Span& span) const {
   if (codec_of_plc_ == nullptr) return std::nullopt;
-  const std::string name = codec.addresses().name_of(span);
-  const std::string on_plc = codec_of_plc_->addresses().name_of(span);
+  const std::string name = names_of(codec.addresses(), span);
+  const std::string on_plc = names_of(codec_of_plc_->addresses(), span);
   if (name == on_plc) return std::nullopt;
   return refuse(Reason::bad_address, name + " is " + on_plc + " on this PLC: it is an " +
                                          model_of(*codec_of_plc_) + ", but the config says " +

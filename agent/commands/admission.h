@@ -51,7 +51,6 @@ class CommandAdmission final {
   /// ids.
   void use(const DeviceConfig& device) {
     device_ = &device;
-    codec_of_plc_ = nullptr;
     is_reloading_ = false;
   }
   /// The PLC is another model than the codec of admit(): `codec` is that of its own. A command for

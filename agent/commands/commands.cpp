@@ -189,7 +189,7 @@ void Commands::change(const ConfigChange& change, SteadyTime now) {
       joined_.push_back(config.name);
     } else {
       devices_[index] = std::move(known.mapped());
-      devices_.at(index)->codec = config.codec;
+      set_codec(index, config.codec, nullptr);
     }
     open(index);
   }

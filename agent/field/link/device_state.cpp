@@ -12,6 +12,8 @@ namespace {
 constexpr std::int64_t kBadValueMs = 10'000;
 // Tags may be bad in turn: for the same reason, another one is named at most this often.
 constexpr std::int64_t kNameEveryMs = 10'000;
+// The question for the model may be lost on a noisy line. Some ports never answer it.
+constexpr int kModelQuestions = 3;
 
 }  // namespace
 
@@ -32,12 +34,17 @@ void DeviceState::fell_silent() {
   run_.reset();
   if (asks_model_) model_known_ = false;
   compares_model_ = !model_configured_.empty() && names_model_;
+  model_unanswered_ = 0;
 }
 
 void DeviceState::compare_model(const std::optional<std::string>& of_plc) {
   compares_model_ = false;
   names_model_ = of_plc.has_value();
-  if (of_plc) model_ = *of_plc;
+  model_ = of_plc.value_or(model_configured_);
+}
+
+void DeviceState::model_unanswered() {
+  if (++model_unanswered_ == kModelQuestions) compares_model_ = false;
 }
 
 void DeviceState::set_model(const std::optional<std::string>& model) {

@@ -46,6 +46,9 @@ class DeviceState final {
   bool compares_model() const { return compares_model_; }
   /// Records the PLC's model. nullopt: the PLC names no model and is not asked again.
   void compare_model(const std::optional<std::string>& of_plc);
+  /// Records that the question had no answer. After three, the PLC is not asked again until it has
+  /// been silent.
+  void model_unanswered();
   /// Records the RUN state; nullopt: unknown.
   void set_run(std::optional<bool> run) { run_ = run; }
 
@@ -63,6 +66,7 @@ class DeviceState final {
   const std::string model_configured_;  ///< empty: the config leaves the model open
   bool compares_model_;
   bool names_model_ = true;  ///< the PLC names its model when asked
+  int model_unanswered_ = 0;
   bool model_known_;
   bool model_unclear_ = false;
   bool answered_once_ = false;

@@ -87,7 +87,8 @@ asio::awaitable<void> ModelQuestions::compare_model(LinkDevice& device,
   if (is_answer) device.model_images.push_back(exchange.is_data() ? exchange.reply.image : Bytes{});
   if (is_answer && !link_.scheduler.step_done(step)) co_return;
   end_cycle();
-  const auto model = is_answer ? plc.model_from(device.model_images) : std::nullopt;
+  if (!is_answer) co_return device.state.model_unanswered();
+  const auto model = plc.model_from(device.model_images);
   device.state.compare_model(model);
   const bool is_other = model && *model != model_of(*device.codec);
   if (is_other)
@@ -97,7 +98,7 @@ asio::awaitable<void> ModelQuestions::compare_model(LinkDevice& device,
          {"model", *model},
          {"model_configured", model_of(*device.codec)},
          {"note", "the PLC is not the model of the config: correct model, or set it to auto"}});
-  if (model) device.codec_of_plc = is_other ? plc.with_model(*model) : nullptr;
+  device.codec_of_plc = is_other ? plc.with_model(*model) : nullptr;
   state_.update(device);
 }
 

@@ -26,7 +26,7 @@ const readingOf = (tag) => data.values.get(tag.group)?.[tag.t] ?? null;
 
 function path(points, from, to, low, high, width, height) {
   const span = high - low || 1;
-  return points.map(([ts, y, hasGap], i) => `${i && !hasGap ? 'L' : 'M'}${((ts - from) / (to - from) * width).toFixed(1)} ${(height - (y - low) / span * height).toFixed(1)}`).join('');
+  return points.map(([ts, y, hasGap], i) => `${i && !hasGap ? 'L' : 'M'}${((ts - from) / (to - from) * width).toFixed(1)} ${(height - (y - low) / span * height).toFixed(1)}${hasGap ? 'h0' : ''}`).join('');
 }
 
 function bounds(points) {

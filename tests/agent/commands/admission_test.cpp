@@ -369,6 +369,9 @@ TEST_F(CommandAdmissionTest, PlaceThatHasAnotherNameOnThePlcIsRefused) {
   expect_says(refusal("Y10"),
               "bad_address Y10 is Y20 on this PLC: it is an FX5U, but the config says Q");
   EXPECT_EQ(refusal("Y7"), "") << "the same output on both";
+  expect_says(refusal("K4Y0"), "bad_address Y0 to YF is Y0 to Y17 on this PLC");
+  of_q.use(q);
+  EXPECT_NE(refusal("Y10"), "") << "a reload of the config is no other PLC";
   EXPECT_EQ(refusal("D10"), "");
   of_q.plc_has(nullptr);
   EXPECT_EQ(refusal("Y10"), "");

@@ -202,6 +202,27 @@ TEST(DeviceState, PlcOfAnotherModelThanTheConfigsIsOnlineAndSaysSo) {
   EXPECT_EQ(state.update(bus_is_open(), 1300)->status.model_configured, "");
 }
 
+TEST(DeviceState, PlcThatNamesNoModelIsNotTheOtherModelThatWasThereBefore) {
+  DeviceState state(0, *port_codec(), 1000);
+  state.answered();
+  state.compare_model("FX2N");
+  EXPECT_EQ(state.update(bus_is_open(), 1100)->status.model_configured, "FX3U");
+  state.fell_silent();
+  state.compare_model(std::nullopt);
+  EXPECT_EQ(state.update(bus_is_open(), 1200)->status.model_configured, "");
+}
+
+TEST(DeviceState, LostQuestionForTheModelIsRepeatedTwice) {
+  DeviceState state(0, *port_codec(), 1000);
+  for (int lost = 1; lost <= 3; ++lost) {
+    EXPECT_TRUE(state.compares_model()) << lost;
+    state.model_unanswered();
+  }
+  EXPECT_FALSE(state.compares_model());
+  state.fell_silent();
+  EXPECT_TRUE(state.compares_model()) << "another PLC may answer next";
+}
+
 TEST(DeviceState, PlcThatNamesNoModelIsNotAskedAgain) {
   DeviceState state(0, *port_codec(), 1000);
   state.compare_model(std::nullopt);
