@@ -209,7 +209,8 @@ void print_command(const CommandResult& result, const OneShot& what) {
   }
   std::cout << what.device << ' ' << result.op << ' ' << address_or(result, what.names.front())
             << ": " << to_string(result.status);
-  const bool was_sent = result.status != CommandStatus::rejected;
+  const bool was_sent = result.wire.count() > 0;
+  if (!was_sent && result.status != CommandStatus::rejected) std::cout << ", nothing was sent";
   if (was_sent)
     std::cout << ", " << (result.plc == PlcAnswer::none ? "no answer" : to_string(result.plc));
   if (result.progress)

@@ -268,7 +268,7 @@ inline constexpr auto kWritten = std::to_array<ConfigKey>({
      "smaller share makes commands faster. With 0 commands can stop the polls."},
     {"links[]", "allow_yield", boolean, {}, false,
      "Whether a command on the link's topic may free the port for another program, such as GX "
-     "Works, for a while."},
+     "Works, for a while. The name of the link must then differ from that of every device."},
 
     {"links[].serial", "path", path, {}, Required{},
      "The port, preferably by its name in `/dev/serial/by-id/`. Only one link can have a port."},

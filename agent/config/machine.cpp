@@ -11,6 +11,7 @@
 #include <string_view>
 #include <system_error>
 #include <utility>
+#include <vector>
 
 #include "agent/config/json/tree.h"
 #include "agent/config/source.h"
@@ -79,12 +80,13 @@ std::string why_no_port(const std::string& path, const std::string& file) {
          "; end it, or use another port";
 }
 
-/// Returns why a token of the file can be guessed, does not count, or stands for two names; empty
-/// if none does. A line is "NAME TOKEN" or "TOKEN", so a name alone is a token.
-std::string why_weak(const std::string& path) {
+/// Returns which tokens of the file can be guessed, do not count, or stand for two names. A line is
+/// "NAME TOKEN" or "TOKEN", so a name alone is a token.
+std::vector<std::string> weak_tokens(const std::string& path) {
   constexpr std::size_t kShortest = 16;
+  std::vector<std::string> faults;
   std::error_code ignored;
-  if (!std::filesystem::is_regular_file(path, ignored)) return {};  // a FIFO would block
+  if (!std::filesystem::is_regular_file(path, ignored)) return faults;  // a FIFO would block
   std::ifstream file(path);
   std::map<std::string, int> lines;  // by token
   int number = 0;
@@ -93,17 +95,17 @@ std::string why_weak(const std::string& path) {
     const auto [name, token, is_too_long] = token_line(line);
     const std::string place = shown(path) + ": line " + std::to_string(number);
     if (is_too_long)
-      return place +
-             " is ignored, because it has more than a name and a token; no name has a space";
-    if (token.empty()) continue;
+      faults.push_back(
+          place + " is ignored, because it has more than a name and a token; no name has a space");
+    if (is_too_long || token.empty()) continue;
     if (const auto [other, fresh] = lines.emplace(token, number); !fresh)
-      return place + " has the token of line " + std::to_string(other->second);
-    if (token.size() < kShortest)
-      return shown(path) + ": the token in line " + std::to_string(number) +
-             " can be guessed, because it has fewer than " + std::to_string(kShortest) +
-             " characters; a line is NAME TOKEN or TOKEN";
+      faults.push_back(place + " has the token of line " + std::to_string(other->second));
+    else if (token.size() < kShortest)
+      faults.push_back(shown(path) + ": the token in line " + std::to_string(number) +
+                       " can be guessed, because it has fewer than " + std::to_string(kShortest) +
+                       " characters; a line is NAME TOKEN or TOKEN");
   }
-  return {};
+  return faults;
 }
 
 }  // namespace
@@ -148,7 +150,7 @@ ConfigErrors weak_secrets(const Config& config) {
     look(place + "/password_file", mqtt->password_file);
   }
   if (config.http) look("/http/token_file", config.http->token_file);
-  if (std::string why = config.http ? why_weak(config.http->token_file) : ""; !why.empty())
+  for (std::string& why : weak_tokens(config.http ? config.http->token_file : std::string()))
     weak.push_back({"/http/token_file", 0, std::move(why)});
   return weak;
 }

@@ -15,8 +15,9 @@ ConfigErrors check_files(const Config& config);
 
 /// Returns the password and key files that too many users can read: all users, or the group of a
 /// file that this user owns. Skips credentials that systemd passes on, since their access lists
-/// show as group permissions, and files in /run/secrets. Also returns the token file if one of its
-/// tokens is too short. Pointers and lines as above.
+/// show as group permissions, and files in /run/secrets. Also returns the token file once
+/// for each of its lines that is too long, has a token that is too short, or repeats one. Pointers
+/// and lines as above.
 ConfigErrors weak_secrets(const Config& config);
 
 /// Returns the ports that are missing, that this user may not open, or that another program uses.

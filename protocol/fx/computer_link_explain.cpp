@@ -229,7 +229,8 @@ Explanation ComputerLink::explain(ByteView bytes, std::optional<Direction> direc
   const ByteView frame = bytes.first(bytes.size() - (ends_with_cr_lf ? 2 : 0));
   if (bytes[0] == kEot || bytes[0] == kCl) {
     if (frame.size() != 1) return wrong(out, "nothing follows EOT and CL");
-    out.fields.emplace_back("meaning", "every PLC starts again and does not answer");
+    out.fields.emplace_back("meaning",
+                            "ends the transmission; each station waits for a new request");
     return out;
   }
   if (!LinkWalk(out, frame, settings_.model).explain(direction)) return out;

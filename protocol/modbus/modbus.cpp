@@ -199,8 +199,15 @@ Result<void> Modbus::check_range(const Span& span) const {
   const auto space = static_cast<Space>(span.space);
   const std::uint64_t end = std::uint64_t{kNumbers} * width_of(space);
   if (span.first_bit + std::uint64_t{span.bits} <= end) return {};
-  return refuse(name_of(span) + ": the table ends at " +
-                modbus::name_of(space, kNumbers - 1, settings_.address_base));
+  const std::uint32_t base = settings_.address_base;
+  const std::uint32_t first = span.first_bit / width_of(space);
+  const std::uint32_t last = (span.end_bit() - 1) / width_of(space);
+  std::string fault = name_of(span);
+  if (last > first)
+    fault += " needs " + std::to_string(last - first + 1) +
+             (width_of(space) == 1 ? " bits, " : " registers, ") + name_of(span) + " to " +
+             modbus::name_of(space, last, base);
+  return refuse(fault + ": the table ends at " + modbus::name_of(space, kNumbers - 1, base));
 }
 
 Result<void> Modbus::check_write(const Span& span) const {

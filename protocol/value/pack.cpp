@@ -38,6 +38,15 @@ std::optional<double> number_in(const std::string& text) {
   return is_whole && std::isfinite(number) ? std::optional(number) : std::nullopt;
 }
 
+/// Returns the integer that a text spells; ignores blanks around it and zeros before it.
+std::optional<Whole> whole_in(std::string text) {
+  text.erase(text.find_last_not_of(' ') + 1);
+  text.erase(0, text.find_first_not_of(' '));
+  const std::size_t sign = text.starts_with('-') ? 1 : 0;
+  while (text.size() > sign + 1 && text[sign] == '0') text.erase(sign, 1);
+  return whole_from(text);
+}
+
 /// Returns the end of a sentence that names what `type` takes: `: send the number 50, not the text
 /// "50"`. Quotes a text only if it is short and printable. Empty if there is nothing to add. Forms
 /// and flows often turn numbers into text.
@@ -46,9 +55,13 @@ std::string instead_of(const Scalar& scalar, DataType type) {
     const bool is_bit = type == DataType::boolean;
     if (is_bit && (*text == "true" || *text == "false"))
       return ": send " + *text + " without quotes, not the text " + shown(*text);
+    const auto whole = whole_in(*text);
+    if (whole && !shown(*text).empty() && !is_float(type) && bits_of_type(type) == 64)
+      return ", or a text without leading zeros or spaces: \"" + whole->str() + "\", not " +
+             shown(*text);
     if (const auto number = number_in(*text); number && !shown(*text).empty())
-      return ": send the number " + (whole_from(*text) ? *text : spelled(*number)) +
-             ", not the text " + shown(*text);
+      return ": send the number " + (whole ? whole->str() : spelled(*number)) + ", not the text " +
+             shown(*text);
     return shown(*text).empty() ? ", not a text" : ", not the text " + shown(*text);
   }
   if (type == DataType::string) {
@@ -162,9 +175,9 @@ Packed check_characters(const Scalar& scalar) {
 template <class Float, class Pattern>
 Packed pack_float(const Point& point, const Scalar& scalar, Bytes& image, std::size_t bit) {
   const double value = as_double(scalar);
-  const double raw = point.scaled() ? (value - point.offset) / point.scale : value;
-  const auto number = static_cast<Float>(raw);
-  if (!std::isfinite(number))
+  const double unshifted = point.scaled() ? value - point.offset : value;
+  const auto number = static_cast<Float>(point.scaled() ? unshifted / point.scale : unshifted);
+  if (!std::isfinite(number) || (number == 0 && unshifted != 0))
     return out_of_range(spelled(value) + " does not fit a " + std::string(to_string(point.type)));
   const auto pattern = std::bit_cast<Pattern>(number);
   set_bits(image, bit, 8 * sizeof pattern, reordered(pattern, 8 * sizeof pattern, point.order));
@@ -179,6 +192,11 @@ Packed pack_integer(const Point& point, const Scalar& scalar, Bytes& image, std:
     return out_of_range(spelled(scalar) + " is raw " + nearest.str() + "; " +
                         std::string(to_string(point.type)) + " holds " +
                         std::to_string(limits.min) + " to " + std::to_string(limits.max));
+  const auto* real = std::get_if<double>(&scalar);
+  if (real != nullptr && !point.scaled() && std::abs(*real) >= kExactDouble)
+    return bad_value(
+        "a number with a decimal point is not exact from 2^53 on: send the integer "
+        "without a point");
   std::uint64_t raw = nearest < 0 ? ~Whole(-nearest - 1).convert_to<std::uint64_t>()
                                   : nearest.convert_to<std::uint64_t>();
   if (is_bcd(point.type)) raw = to_bcd(static_cast<std::int64_t>(raw));

@@ -107,6 +107,12 @@ class OneShots(PlantTest):
             self.assertEqual(status, 2)
             self.assertTrue(out.startswith(f"meter {name}: {reason}: "), out)
 
+    def test_a_write_over_a_link_that_is_down_says_that_nothing_was_sent(self):
+        self.sim.stop()
+        status, out, _ = self.call("write", "hr:30", "5")
+        self.assertEqual(status, 1, out)
+        self.assertTrue(out.startswith("meter write hr:30: FAILED, nothing was sent, link_down: "), out)
+
     def test_a_command_without_a_store_says_that_it_is_not_recorded(self):
         note = "not recorded: store.path is not set"
         status, out, err = self.call("write", "hr:30", "5", "--json")

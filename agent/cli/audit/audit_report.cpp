@@ -70,9 +70,11 @@ std::string line_text(const Json& line) {
   // Quoted, because the sender chose the name: it must not pass for the text after it.
   if (member(line, "by").is_string()) out += " by \"" + plain(member(line, "by")) + "\"";
   out += ": " + (member(line, "op").is_string() ? plain(member(line, "op")) : "(no op)");
+  std::string places = place_text(line);
   if (member(line, "targets").is_array())
-    for (const Json& target : member(line, "targets")) out += place_text(target) + ",";
-  out += place_text(line) + ": ";
+    for (const Json& target : member(line, "targets"))
+      places += (places.empty() ? "" : ",") + place_text(target);
+  out += places + ": ";
   out += member(line, "status").is_string() ? outcome_text(line) : "no result is recorded";
   const std::string frames = frames_text(member(line, "frames"));
   if (!frames.empty()) out += " | " + frames;

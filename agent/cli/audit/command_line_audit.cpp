@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "agent/commands/result.h"
+#include "agent/store/disk/store_file.h"
 
 namespace fxagent {
 namespace {
@@ -41,15 +42,17 @@ CommandLineAudit::CommandLineAudit(const StoreConfig& config, std::int64_t utc_m
 
 std::string CommandLineAudit::fault() const {
   if (disk_.is_writable()) return {};
-  std::string text =
-      "store.path: the audit must record every command that writes, and the store cannot be "
-      "written: " +
-      disk_.last_failure();
+  std::string text = "store.path: the audit must record every command that writes, and ";
+  if (disk_.last_failure() == in_use(config_.path))
+    return text + config_.path +
+           " is in use by a running agent: send the command over MQTT or from the page, or stop "
+           "the agent first";
+  text += "the store cannot be written: " + disk_.last_failure();
   struct stat found {};
   if (::stat(config_.path.c_str(), &found) == 0 && found.st_uid != ::geteuid())
     return text + "; run this as the user of the store: sudo -u " + name_of_user(found.st_uid) +
            " fxagent …";
-  return text + "; if the agent is running, send the command over MQTT, or stop the agent first";
+  return text;
 }
 
 bool CommandLineAudit::admitted(const Command& command) {

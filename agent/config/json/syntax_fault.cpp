@@ -50,6 +50,8 @@ SyntaxFault syntax_fault(std::string_view text, const AcceptedText& accepted, st
   if (at >= text.size() && bracket != '\0') other.unclosed = accepted.open.back();
   if (at >= text.size() && accepted.end == 0)
     other.text = "there is no value: the text is empty or has only comments";
+  if (other.text.find("ill-formed UTF-8") != other.text.npos)
+    other.text = "the text is not UTF-8 here; its encoding must be UTF-8";
   if (at >= text.size() || at > read) return other;
 
   const char c = text[at];
@@ -63,6 +65,10 @@ SyntaxFault syntax_fault(std::string_view text, const AcceptedText& accepted, st
   const bool is_end = read + 1 == text.size() && (read == at || !is_quote(text, read));
   if (c == '"' && (is_end || text[read] == '\n' || text[read] == '\r'))
     return {at, "the string that begins here has no closing \" on its line"};
+  if (c == '"' && static_cast<unsigned char>(text[read]) < ' ')
+    return {read, text[read] == '\t' ? "a tab in a string: write \\t"
+                                     : "a control character in a string: remove it, or write it as "
+                                       "\\u and four hexadecimal digits"};
   if (is_close && bracket != '\0' && bracket != (c == '}' ? '{' : '['))
     return {at, c == '}' ? "a ] is missing before this }" : "a } is missing before this ]",
             accepted.open.back()};

@@ -210,8 +210,10 @@ Links read_links(ConfigReader& reader, const ConfigNode& array, Config& config) 
     const ConfigNode* tcp = reader.object(node, config_key("links[].tcp"));
     const ConfigNode* udp = reader.object(node, config_key("links[].udp"));
     const auto is_given = [&](std::string_view channel) { return node.find(channel) != nullptr; };
-    if (std::ranges::count_if(kChannels, is_given) != 1) {
-      reader.error(node, "needs \"serial\", \"tcp\" or \"udp\"");
+    if (const auto given = std::ranges::count_if(kChannels, is_given); given != 1) {
+      reader.error(node, given == 0 ? "needs \"serial\", \"tcp\" or \"udp\""
+                                    : "has more than one of \"serial\", \"tcp\" and \"udp\": keep "
+                                      "one of them");
       continue;
     }
     facts.channel = *std::ranges::find_if(kChannels, is_given);

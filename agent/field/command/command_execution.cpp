@@ -87,7 +87,8 @@ bool was_carried_out(const TargetResult& target) {
 
 std::string elsewhere_text(const AdmittedTarget& target, const Value& read) {
   return target.point.address.text + " holds another value" + (read.is_array ? "" : " now") +
-         ": something else changed it after the write";
+         ": the device did not take the value or limited it, or something else changed it after "
+         "the write";
 }
 
 /// The answer behind the ACK may belong to this command, and the ACK to an earlier one.

@@ -519,8 +519,9 @@ TEST(Config, HostOfNumbersIsAnAddressOfFourDecimalNumbers) {
 
 TEST(Config, LinkIsEitherSerialOrTcpOrUdp) {
   expect_error(changed("/links/0/tcp", R"({"host": "b", "port": 1})"), "/links/0",
-               {"needs", "udp"});
-  expect_error(changed("/links/1/udp", R"({"host": "b", "port": 1})"), "/links/1", {"\"udp\""});
+               {"more than one", "\"tcp\"", "keep one"});
+  expect_error(changed("/links/1/udp", R"({"host": "b", "port": 1})"), "/links/1",
+               {"more than one", "\"udp\"", "keep one"});
   expect_error(without("/links/0/serial"), "/links/0", {"needs", "udp"});
 }
 

@@ -206,6 +206,7 @@ TEST_F(ConfigFiles, TokensThatCanBeGuessedAreNamedByTheirLine) {
                {"line 1", "more than a name and a token"});
   expect_error(with("anna " + long_one + "\n\nbert " + long_one + "\n"), "/http/token_file",
                {"line 3", "the token of line 1"});
+  EXPECT_EQ(with("anna secret\nbob three words here1234567\nbert secret\n").size(), 3U);
 }
 
 TEST_F(ConfigFiles, PasswordFileGoesBeforeTheVariable) {

@@ -158,6 +158,8 @@ TEST(LinkExplanation, WhatIsWrongIsSaid) {
   EXPECT_EQ(error("<00FF1234"), "there is no ETX (03)");
   EXPECT_EQ(error("<00FF>00"), "there are no data");
   EXPECT_EQ(error("+00FF00"), "'00' must not follow an ACK");
+  EXPECT_EQ(field(explain("\x04"), "meaning"),
+            "ends the transmission; each station waits for a new request");
   EXPECT_EQ(error("\x04"
                   "00"),
             "nothing follows EOT and CL");

@@ -213,7 +213,8 @@ TEST(Modbus, OnlyCoilsAndHoldingRegistersAreWritten) {
   EXPECT_FALSE(codec.check_write({kHolding, 0, 0}));
   EXPECT_FALSE(codec.check_write({kInput, 0, 1}));
   EXPECT_FALSE(codec.check_write({kInputRegister, 0, 16}));
-  EXPECT_FALSE(codec.check_range({kHolding, 65535 * 16, 32}));
+  EXPECT_EQ(test::error_of(codec.check_range({kHolding, 65535 * 16, 32})).text,
+            "hr:65535 needs 2 registers, hr:65535 to hr:65536: the table ends at hr:65535");
   EXPECT_FALSE(codec.check_range({9, 0, 1}));
   EXPECT_EQ(codec.name_of({9, 0, 1}), "space 9");
 }

@@ -541,6 +541,15 @@ TEST(Pack, AWrongKindSaysWhatToSendInstead) {
         Case{word_point(DataType::float64), text("9007199254740993"),
              "float64 takes a number: send the number 9007199254740993, not the text "
              R"("9007199254740993")"},
+        Case{word, text("007"), R"(int16 takes a number: send the number 7, not the text "007")"},
+        Case{word_point(DataType::int64), text("-007"),
+             "int64 takes a number, or a text without leading zeros or spaces: "
+             R"("-7", not "-007")"},
+        Case{word_point(DataType::uint64), text(" 9007199254740993 "),
+             "uint64 takes a number, or a text without leading zeros or spaces: "
+             R"("9007199254740993", not " 9007199254740993 ")"},
+        Case{word_point(DataType::int64), text("7.5"),
+             R"(int64 takes a number: send the number 7.5, not the text "7.5")"},
         Case{word, text("fifty"), R"(int16 takes a number, not the text "fifty")"},
         Case{word, text("23,5"), R"(int16 takes a number, not the text "23,5")"},
         Case{word, text("inf"), R"(int16 takes a number, not the text "inf")"},
@@ -559,6 +568,27 @@ TEST(Pack, AWrongKindSaysWhatToSendInstead) {
         Case{label, flag(true), "string takes a text: send it in quotes"}}) {
     EXPECT_EQ(test::error_of(pack(each.point, each.value)).text, each.error);
   }
+}
+
+TEST(Pack, ANumberWithAPointBeyondAnExactDoubleIsRefused) {
+  const Point wide = word_point(DataType::int64);
+  EXPECT_EQ(written(wide, real(9007199254740991)), written(wide, whole(9007199254740991)));
+  for (const double number : {9007199254740992.0, -9007199254740996.0, 1e18}) {
+    const PackError refused = test::error_of(pack(wide, real(number)));
+    EXPECT_EQ(refused.fault, PackFault::bad_value) << number;
+    EXPECT_NE(refused.text.find("without a point"), std::string::npos) << refused.text;
+  }
+  EXPECT_EQ(fault(wide, real(1e19)), PackFault::out_of_range);
+}
+
+TEST(Pack, ANumberThatAFloatWouldMakeZeroIsOutOfRange) {
+  const Point single = word_point(DataType::float32);
+  EXPECT_NE(written(single, real(1e-45)), written(single, real(0)));
+  EXPECT_TRUE(pack(single, real(-0.0)));
+  for (const double number : {1e-50, -1e-50})
+    EXPECT_EQ(fault(single, real(number)), PackFault::out_of_range);
+  EXPECT_EQ(fault(scaled_point(DataType::float64, 1e300, 0), real(1e-300)),
+            PackFault::out_of_range);
 }
 
 TEST(Pack, AWrongKindAnywhereComesBeforeARangeAnywhere) {

@@ -244,6 +244,17 @@ TEST(AuditReport, RecordsOfACommandBecomeOneLine) {
   EXPECT_EQ(nlohmann::json::parse(lines[1].json)["status"], "REJECTED");
 }
 
+TEST(AuditReport, TargetsOfAListHaveACommaBetweenThem) {
+  Report report;
+  Head head;
+  report.add(
+      seal(head, result(1, "press1",
+                        R"({"id":"l","op":"write","status":"FAILED","targets":[)"
+                        R"({"tag":"a","address":"hr:1","value":7},{"address":"hr:2","value":9}]})",
+                        {}, kNow)));
+  test::expect_says(report.take().at(0).text, ": write a hr:1 = 7, hr:2 = 9: FAILED");
+}
+
 TEST(AuditReport, CommandWithoutAResultAndWhatPruningLeftHaveLinesToo) {
   Report report;
   Head head;

@@ -94,7 +94,10 @@ TEST_F(CommandLineAuditTest, StoreOfAnAgentThatRunsTakesNothing) {
   Store agent(config, kNow);
   CommandLineAudit audit(config, kNow, "press1", "write press1 D100 5");
   EXPECT_NE(audit.fault().find("is in use by a running agent"), std::string::npos) << audit.fault();
-  EXPECT_NE(audit.fault().find("over MQTT"), std::string::npos) << audit.fault();
+  EXPECT_TRUE(audit.fault().ends_with(
+      ": send the command over MQTT or from the page, or stop the agent first"))
+      << audit.fault();
+  EXPECT_EQ(audit.fault().find("its own directory"), std::string::npos) << audit.fault();
   EXPECT_FALSE(audit.admitted(command));
   EXPECT_TRUE(records().empty());
 }

@@ -120,6 +120,8 @@ TEST_F(CommandExecutionTest, OtherValueReadBackIsAMismatch) {
   wire->expect(kWrite50).give(kAck).expect(kReadBack).give(word_frame(49));
   const CommandResult result = run(write_50());
   EXPECT_EQ(ending(result), "FAILED verify_mismatch");
+  EXPECT_NE(result.detail.find("did not take the value or limited it"), std::string::npos)
+      << result.detail;
   EXPECT_EQ(result.plc, PlcAnswer::ack) << "it was carried out";
   ASSERT_TRUE(result.targets[0].verify);
   EXPECT_FALSE(result.targets[0].verify->match);
