@@ -10,7 +10,7 @@ namespace fxagent {
 
 CommandResult result_of(const Command& command) {
   CommandResult result;
-  static_cast<CommandHead&>(result) = command;
+  static_cast<CommandHead&>(result) = static_cast<const CommandHead&>(command);
   result.op = command.op_text;
   result.sender = sender_of(command);
   for (const CommandTarget& target : command.targets) {

@@ -23,8 +23,8 @@ Result<std::string> letters_in(std::string_view text) {
   std::string_view rest = in_capitals;
   const bool is_group = rest.size() >= 3 && rest[0] == 'K' && is_digit(rest[1]);
   if (is_group) rest.remove_prefix(std::min(rest.find_first_not_of("0123456789", 1), rest.size()));
-  const std::string letters(
-      rest.begin(), std::ranges::find_if_not(rest, [](char c) { return c >= 'A' && c <= 'Z'; }));
+  std::string letters(rest.begin(),
+                      std::ranges::find_if_not(rest, [](char c) { return c >= 'A' && c <= 'Z'; }));
   if (std::ranges::find(kLetters, letters) == kLetters.end())
     return refuse("'" + name + "' is not an FX device; the forms are " + std::string(kForms));
   rest.remove_prefix(letters.size());
