@@ -294,9 +294,9 @@ class History(PlantTest):
         self.samples(20)
         # A gap and a bad tag.
         wait_for("rows", lambda: self.database.value("SELECT count(*) FROM history.samples") > 20)
-        self.database.psql("DELETE FROM history.samples WHERE seq = (SELECT last - 3 FROM history.streams)")
-        self.database.psql("""UPDATE history.samples SET bad = '{"lost": {"why": "nak"}}'
-                              WHERE seq = (SELECT last - 5 FROM history.streams)""")
+        first = self.database.value("SELECT min(seq) FROM history.samples")  # `last` goes on rising
+        self.database.psql(f"DELETE FROM history.samples WHERE seq = {first} + 3")
+        self.database.psql(f"""UPDATE history.samples SET bad = '{{"lost": {{"why": "nak"}}}}' WHERE seq = {first} + 5""")
         wait_for("a health", lambda: self.database.rows("SELECT * FROM history.agents"))
         for title, query in dashboard_queries():
             self.assertNotRegex(query, r"\$", title)
