@@ -78,7 +78,7 @@ def noticed(build, program, names):
 
 
 def main():
-    if len(sys.argv) < 2:
+    if len(sys.argv) < 2 or (sys.argv[1].startswith("-") and sys.argv[1] != "--check"):
         sys.exit(__doc__)
     every = list(entries((ROOT / "tests/faults.txt").read_text()))
     if sys.argv[1] == "--check":

@@ -30,7 +30,7 @@ picture() {
     printf '{"until": "document.querySelector(\\".frames\\").scrollIntoView() || true"}\n'
   elif [ "$2" = commands ] && [ -n "$token" ]; then
     printf '{"fill": "label:nth-of-type(3) input", "text": "setpoint"}\n{"fill": "label:nth-of-type(4) input", "text": "65"}\n'
-    printf '{"click": "form.order button"}\n{"fill": "dialog input", "text": "%s"}\n' "$token"
+    printf '{"click": "form.command button"}\n{"fill": "dialog input", "text": "%s"}\n' "$token"
     printf '{"shot": "%s/page-%s-asks.png"}\n' "$here" "$1"
     printf '{"click": "dialog button.main"}\n{"until": "document.body.innerText.includes(\\"page:\\")"}\n'
   fi
