@@ -9,6 +9,7 @@
 #include "protocol/plan/plan.h"
 #include "protocol/plc.h"
 #include "protocol/value/pack.h"
+#include "protocol/value/raw.h"
 #include "protocol/value/value.h"
 
 namespace fxagent {
@@ -27,12 +28,12 @@ Refusal refuse(Reason reason, std::string detail) { return {reason, std::move(de
 
 /// Returns a limit of the tag as a device stores it, if the tag is a float: its raw value is
 /// rounded, too, and a command may write the limit itself.
-double stored(const TagConfig& tag, double limit) {
-  if (tag.point.type != DataType::float32 && tag.point.type != DataType::float64) return limit;
+std::optional<double> stored(const TagConfig& tag, std::optional<double> limit) {
+  if (!limit || !is_float(tag.point.type)) return limit;
   Point one = tag.point;
   one.is_array = false;
   one.count = 1;
-  const auto image = pack(one, Value(Scalar(limit)));
+  const auto image = pack(one, Value(Scalar(*limit)));
   if (!image) return limit;
   const auto value = unpack(one, *image, span_of(one)->first_bit);
   return value ? as_double(value->items.front()) : limit;
@@ -40,13 +41,15 @@ double stored(const TagConfig& tag, double limit) {
 
 /// Returns a refusal if an element to be written is outside the tag's min and max.
 std::optional<Refusal> check_limits(const TagConfig& tag, const Value& written) {
+  const auto& [min, max, deadband] = tag.units->limits;
+  const auto least = stored(tag, min);
+  const auto most = stored(tag, max);
   for (const Scalar& item : written.items) {
     if (!number_of(item)) continue;
-    const auto& [min, max, deadband] = tag.units->limits;
     const std::string what = spelled(item) + " would be written, ";
-    if (min && compare(item, stored(tag, *min)) == std::partial_ordering::less)
+    if (least && compare(item, *least) == std::partial_ordering::less)
       return refuse(Reason::out_of_range, what + "below the tag's min of " + spelled(*min));
-    if (max && compare(item, stored(tag, *max)) == std::partial_ordering::greater)
+    if (most && compare(item, *most) == std::partial_ordering::greater)
       return refuse(Reason::out_of_range, what + "above the tag's max of " + spelled(*max));
   }
   return std::nullopt;

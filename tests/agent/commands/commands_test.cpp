@@ -536,6 +536,11 @@ struct CommandsChangeTest : CommandsTest {
     wanted.devices = {config.devices[1]};
     return wanted;
   }
+  Config with_oven() const {
+    Config wanted = config;
+    wanted.devices.push_back(test::press("oven"));
+    return wanted;
+  }
   /// Begins a change as the publisher does; the config is switched later.
   void begin_change(Config wanted) {
     change = change_between(config, std::move(wanted));
@@ -653,9 +658,7 @@ TEST_F(CommandsChangeTest, IdThatIsFoundLateIsKnownToADeviceThatIsGone) {
 
 TEST_F(CommandsChangeTest, EarlierRunsAreAskedForADeviceThatIsNew) {
   commands();
-  Config wanted = config;
-  wanted.devices.push_back(test::press("oven"));
-  begin_change(std::move(wanted));
+  begin_change(with_oven());
   journal.disk_hangs = true;
   EXPECT_TRUE(end_change().empty()) << "a disk that hangs is not asked";
   journal.disk_hangs = false;
@@ -669,9 +672,7 @@ TEST_F(CommandsChangeTest, EarlierRunsAreAskedForADeviceThatIsNew) {
 
 TEST_F(CommandsChangeTest, EarlierRunsAreAskedAgainIfTheirReadFailed) {
   commands();
-  Config wanted = config;
-  wanted.devices.push_back(test::press("oven"));
-  begin_change(std::move(wanted));
+  begin_change(with_oven());
   journal.is_readable = false;
   end_change();
   journal.is_readable = true;
@@ -696,9 +697,8 @@ TEST_F(CommandsChangeTest, ResultOfADeviceThatIsGoneIsStillAcknowledged) {
 
 TEST_F(CommandsChangeTest, DeviceThatBeginsDuringTheEndAdmitsNothing) {
   commands();
-  Config wanted = config;
+  Config wanted = with_oven();
   wanted.devices[0].retries = 7;
-  wanted.devices.push_back(test::press("oven"));
   begin_change(std::move(wanted));
   commands().close();
   end_change();
@@ -710,9 +710,8 @@ TEST_F(CommandsChangeTest, DeviceThatBeginsDuringTheEndAdmitsNothing) {
 
 TEST_F(CommandsChangeTest, DeviceThatBeginsWhileAnotherAgentHasOurIdRefusesToo) {
   commands().set_conflict("deadbeef");
-  Config wanted = config;
+  Config wanted = with_oven();
   wanted.devices[0].retries = 7;
-  wanted.devices.push_back(test::press("oven"));
   begin_change(std::move(wanted));
   end_change();
   for (const std::uint32_t device : {0U, 2U}) {
