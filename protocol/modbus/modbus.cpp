@@ -197,17 +197,16 @@ Result<void> Modbus::check_range(const Span& span) const {
   if (span.space >= kTables)
     return refuse("space " + std::to_string(span.space) + " is not a table");
   const auto space = static_cast<Space>(span.space);
-  const std::uint64_t end = std::uint64_t{kNumbers} * width_of(space);
+  const std::uint32_t width = width_of(space);
+  const std::uint64_t end = std::uint64_t{kNumbers} * width;
   if (span.first_bit + std::uint64_t{span.bits} <= end) return {};
-  const std::uint32_t base = settings_.address_base;
-  const std::uint32_t first = span.first_bit / width_of(space);
-  const std::uint32_t last = (span.end_bit() - 1) / width_of(space);
+  const std::uint32_t count = (span.end_bit() - 1) / width - span.first_bit / width + 1;
   std::string fault = name_of(span);
-  if (last > first)
-    fault += " needs " + std::to_string(last - first + 1) +
-             (width_of(space) == 1 ? " bits, " : " registers, ") + name_of(span) + " to " +
-             modbus::name_of(space, last, base);
-  return refuse(fault + ": the table ends at " + modbus::name_of(space, kNumbers - 1, base));
+  if (count > 1)
+    fault += " needs " + std::to_string(count) + (width == 1 ? " bits, " : " registers, ") +
+             names_of(*this, span);
+  return refuse(fault + ": the table ends at " +
+                modbus::name_of(space, kNumbers - 1, settings_.address_base));
 }
 
 Result<void> Modbus::check_write(const Span& span) const {
