@@ -5,13 +5,6 @@ need_header(asio.hpp)
 
 # The tests are compiled quickly, and not optimised. The tested code is compiled as for the plant.
 set(quick_options -O0 $<$<CXX_COMPILER_ID:GNU>:-fpch-preprocess>)
-# From 128 MiB on, g++ collects garbage whenever its heap has doubled: a tenth of its time here.
-cmake_host_system_information(RESULT memory_mib QUERY TOTAL_PHYSICAL_MEMORY)
-cmake_host_system_information(RESULT cores QUERY NUMBER_OF_LOGICAL_CORES)
-math(EXPR enough_mib "2000 * ${cores}")
-if(memory_mib GREATER enough_mib)
-  list(APPEND quick_options $<$<CXX_COMPILER_ID:GNU>:--param=ggc-min-heapsize=1000000>)
-endif()
 
 # Reading these headers takes most of the time for a test's files, so they are read once for all test programs. The
 # product has no precompiled headers: each of its files includes what it uses.
