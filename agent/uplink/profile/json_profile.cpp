@@ -1,18 +1,11 @@
 #include "agent/uplink/profile/json_profile.h"
 
-#include <algorithm>
-#include <chrono>
 #include <utility>
 
 #include "agent/text/text.h"
 #include "agent/uplink/topics.h"
 
 namespace fxagent {
-namespace {
-
-constexpr std::chrono::seconds kStateWaits{1};  // for the SUBACK
-
-}  // namespace
 
 JsonProfile::JsonProfile(const Config& config, const ProfileConfig& profile, std::string boot,
                          std::string version, std::int64_t since_ms, RelayCommand relay)
@@ -41,7 +34,7 @@ std::vector<Subscription> JsonProfile::subscriptions() const {
 
 void JsonProfile::connection_began(const Connected&) {
   retained_->connection_began();
-  if (relay_) suback_by_ = SteadyTime::max();
+  awaits_suback_ = relay_ != nullptr;
 }
 
 void JsonProfile::connection_ended() {
@@ -50,7 +43,7 @@ void JsonProfile::connection_ended() {
 }
 
 void JsonProfile::subscribed(const Subscribed& event) {
-  suback_by_.reset();
+  awaits_suback_ = false;
   const auto why = event.granted ? std::nullopt : std::optional(event.text);
   if (std::exchange(not_heard_why_, why) != why) retained_->agent_state_changed();
 }
@@ -84,13 +77,8 @@ void JsonProfile::change(const ConfigChange& change) {
 /// The retained states send themselves. They wait for the SUBACK: a client that sees "online" may
 /// send a command at once.
 std::vector<Publication> JsonProfile::due(SteadyTime now, std::int64_t) {
-  if (suback_by_) {
-    wake_ = std::min(*suback_by_, now + kStateWaits);
-    suback_by_ = wake_;
-    if (now < wake_) return {};
-    suback_by_.reset();
-    not_heard_why_ = "the broker does not confirm the subscription";
-  }
+  wake_ = SteadyTime::max();
+  if (awaits_suback_) return {};
   retained_->pump(now);
   wake_ = retained_->next_wake(now);
   return {};

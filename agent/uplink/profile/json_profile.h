@@ -30,7 +30,7 @@ class JsonProfile final : public Profile {
   void connection_ended() override;
   SteadyTime next_wake() const override { return wake_; }
   void subscribed(const Subscribed& event) override;
-  bool is_ready() const override { return !suback_by_; }
+  bool is_ready() const override { return !awaits_suback_; }
   void hear(const Message& message) override;
   void device_state(const DeviceStatus& status) override;
   void change(const ConfigChange& change) override;
@@ -56,7 +56,7 @@ class JsonProfile final : public Profile {
   const RelayCommand relay_;
   DeviceStates states_;
   std::optional<std::string> not_heard_why_;  ///< reason why no commands are received
-  std::optional<SteadyTime> suback_by_;    ///< deadline of the awaited SUBACK; max: due() sets it
+  bool awaits_suback_ = false;             ///< subscribed() has not been called in this connection
   std::optional<RetainedState> retained_;  ///< from begin() on
   SteadyTime wake_ = SteadyTime::max();    ///< after due()
   std::vector<Publication> results_;

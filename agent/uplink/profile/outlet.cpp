@@ -16,6 +16,7 @@ namespace fxagent {
 namespace {
 
 constexpr std::size_t kMostResultBytes = std::size_t{4} << 20;  // that wait for the broker
+constexpr std::chrono::seconds kSubackWithin{1};
 constexpr std::chrono::seconds kLastSubscribe{60};
 
 }  // namespace
@@ -32,7 +33,7 @@ Outlet::Outlet(const Config& config, Settings settings, Profile& profile, Broker
       outgoing_(broker, settings_.marker_topic),
       session_(
           broker, outgoing_, settings_.mqtt, backoff_,
-          {[this](const Connected& event, SteadyTime) { connection_began(event); },
+          {[this](const Connected& event, SteadyTime now) { connection_began(event, now); },
            [this](SteadyTime) { connection_ended(); }, [this] { samples_.spool_live(); }, [] {}},
           settings_.name, profile.leaves_with_will()),
       samples_(config, settings_.boot, profile, outgoing_, backoff_, store,
@@ -80,7 +81,7 @@ SteadyTime Outlet::step(SteadyTime now) {
   samples_.spool().waiting().move_memory_to_disk();
   if (!shutdown_.has_begun()) {
     session_.keep(now);
-    subscribe_again(now);
+    subscribe(now);
     if (profile_.take_leave() && session_.is_connected()) {
       farewell_.say(now);
       session_.go_to_next(now);
@@ -120,7 +121,7 @@ void Outlet::take_broker_events(SteadyTime now) {
                   {"profile", settings_.name},
                   {"note", "more messages arrived than the agent can process"}});
     } else if constexpr (std::is_same_v<Event, Subscribed>) {
-      subscribed(event, now);
+      subscribed(event);
     } else {
       session_.on(event, now);
       if constexpr (std::is_same_v<Event, Disconnected>) shutdown_.disconnected(now);
@@ -129,39 +130,55 @@ void Outlet::take_broker_events(SteadyTime now) {
   for (const BrokerEvent& event : broker_.take_events()) std::visit(take, event);
 }
 
-/// Repeats refused subscriptions: an access rule may be mended while the session goes on.
-void Outlet::subscribed(const Subscribed& event, SteadyTime now) {
-  if (!session_.is_connected()) return;
-  profile_.subscribed(event);
-  if (event.granted) {
-    if (refused_.erase(event.filter) != 0)
-      log::info("subscription_granted", {{"filter", event.filter}});
-    return;
+/// Subscribes to all that the broker has not granted. Repeats that, because an access rule may be
+/// mended while the session goes on.
+void Outlet::subscribe(SteadyTime now) {
+  if (ungranted_.empty() || now < subscribe_at_) return;
+  for (Subscription& each : profile_.subscriptions()) {
+    const auto found = ungranted_.find(each.filter);
+    if (found == ungranted_.end()) continue;
+    if (subscribes_ > 0 && found->second.empty())
+      subscribed({each.filter, false, "the broker does not confirm the subscription"});
+    broker_.subscribe(std::move(each));
   }
-  if (refused_.insert(event.filter).second)
-    log::error("subscription_refused", {{"filter", event.filter}, {"reason", event.text}});
-  if (!subscribe_at_) subscribe_at_ = now + backoff_.after(refusals_++, kLastSubscribe);
+  subscribe_at_ =
+      now + (subscribes_ == 0 ? kSubackWithin : backoff_.after(subscribes_, kLastSubscribe));
+  ++subscribes_;
 }
 
-void Outlet::subscribe_again(SteadyTime now) {
-  if (!subscribe_at_ || now < *subscribe_at_) return;
-  subscribe_at_.reset();
-  for (Subscription& subscription : profile_.subscriptions())
-    if (refused_.contains(subscription.filter)) broker_.subscribe(std::move(subscription));
+void Outlet::subscribed(const Subscribed& event) {
+  const auto found = ungranted_.find(event.filter);
+  if (found == ungranted_.end()) return;
+  profile_.subscribed(event);
+  std::string& reason = found->second;
+  if (event.granted) {
+    if (!reason.empty())
+      log::info("subscription_granted", {{"server", session_.server()}, {"filter", event.filter}});
+    ungranted_.erase(found);
+  } else if (reason.empty()) {
+    reason = event.text;
+    log::error("subscription_refused",
+               {{"server", session_.server()},
+                {"filter", event.filter},
+                {"reason", reason},
+                {"note",
+                 "the agent subscribes again; see the broker's log, and its access rules: fxagent "
+                 "acl prints the right ones"}});
+  }
 }
 
-void Outlet::connection_began(const Connected& connected) {
+void Outlet::connection_began(const Connected& connected, SteadyTime now) {
   samples_.connection_began();
-  for (Subscription& subscription : profile_.subscriptions())
-    broker_.subscribe(std::move(subscription));
+  for (const Subscription& each : profile_.subscriptions()) ungranted_[each.filter];
+  subscribes_ = 0;
+  subscribe_at_ = now;
+  subscribe(now);
   profile_.connection_began(connected);
 }
 
 void Outlet::connection_ended() {
   samples_.connection_ended();
-  refused_.clear();
-  refusals_ = 0;
-  subscribe_at_.reset();
+  ungranted_.clear();
   for (Result& each : results_) {
     each.flight = 0;
     each.not_before = {};
@@ -247,7 +264,7 @@ SteadyTime Outlet::next_wake(SteadyTime now) const {
   if (shutdown_.has_begun())
     at(shutdown_.next_wake());
   else
-    at(std::min(session_.next_wake(), subscribe_at_.value_or(wake)));
+    at(std::min(session_.next_wake(), ungranted_.empty() ? wake : subscribe_at_));
   at(samples_.next_wake(now));
   if (!session_.is_connected()) return wake;
   if (outgoing_.has_room() && shutdown_.may_publish()) {

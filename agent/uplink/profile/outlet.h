@@ -7,8 +7,7 @@
 #include <cstdint>
 #include <deque>
 #include <functional>
-#include <optional>
-#include <set>
+#include <map>
 #include <string>
 #include <utility>
 
@@ -80,9 +79,9 @@ class Outlet final : private Outgoing::Sender {
   void take_broker_events(SteadyTime now);
   void send(SteadyTime now);
   SteadyTime next_wake(SteadyTime now) const;
-  void subscribed(const Subscribed& event, SteadyTime now);
-  void subscribe_again(SteadyTime now);
-  void connection_began(const Connected& connected);
+  void subscribe(SteadyTime now);
+  void subscribed(const Subscribed& event);
+  void connection_began(const Connected& connected, SteadyTime now);
   void connection_ended();
 
   void take_results(SteadyTime now);
@@ -111,10 +110,10 @@ class Outlet final : private Outgoing::Sender {
   std::uint64_t collected_ = 0;
   std::deque<Result> results_;  ///< until the broker has them; oldest first
   std::uint64_t dropped_results_ = 0;
-  // Of this connection.
-  std::set<std::string> refused_;           ///< filters of subscriptions, logged
-  std::optional<SteadyTime> subscribe_at_;  ///< time of the next SUBSCRIBE to these
-  int refusals_ = 0;                        ///< rounds of subscriptions with a refusal
+  // Subscriptions of this connection that the broker has not granted.
+  std::map<std::string, std::string> ungranted_;  ///< logged reason by filter; empty: no answer yet
+  SteadyTime subscribe_at_{};                     ///< time of the next SUBSCRIBE to these
+  int subscribes_ = 0;                            ///< number of times that they were sent
 };
 
 }  // namespace fxagent

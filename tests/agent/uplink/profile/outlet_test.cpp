@@ -100,6 +100,11 @@ struct OutletTest : testing::TestWithParam<ProfileConfig::Kind> {
     EXPECT_TRUE(outlet_->finished());
     return now_ - begin;
   }
+  /// Number of SUBSCRIBEs so far.
+  std::ptrdiff_t subscribes() const {
+    return std::ranges::count_if(broker_.order,
+                                 [](const auto& each) { return each.starts_with("subscribe "); });
+  }
   /// Removes the markers from the broker's log.
   void forget_marks() {
     std::erase_if(broker_.log, [](const Publication& each) { return each.topic == "mark"; });
@@ -285,24 +290,41 @@ TEST_P(OutletTest, RefusedSubscriptionIsRepeatedUntilItIsGranted) {
   broker_.refuses_states = true;
   testing::internal::CaptureStderr();
   settle(1s);
-  const auto subscriptions = [this] {
-    return std::ranges::count_if(broker_.order,
-                                 [](const auto& each) { return each.starts_with("subscribe "); });
-  };
-  const auto each = subscriptions();
+  const auto each = subscribes();
   ASSERT_GT(each, 0);
   EXPECT_LE(outlet_->step(now_), now_ + 2s);
   settle(2s);
-  EXPECT_EQ(subscriptions(), 2 * each);
+  EXPECT_EQ(subscribes(), 2 * each);
   broker_.refusal.clear();
   broker_.refuses_states = false;
   settle(3s);
-  EXPECT_EQ(subscriptions(), 3 * each);
+  EXPECT_EQ(subscribes(), 3 * each);
   for (int i = 0; i < 10; ++i) settle(20s);
-  EXPECT_EQ(subscriptions(), 3 * each);
+  EXPECT_EQ(subscribes(), 3 * each);
   const std::string log = testing::internal::GetCapturedStderr();
   test::expect_says(log, "subscription_refused");
   test::expect_says(log, "subscription_granted");
+}
+
+TEST_P(OutletTest, SubscriptionThatIsNotConfirmedIsRepeatedUntilItIsGranted) {
+  broker_.confirms = false;
+  testing::internal::CaptureStderr();
+  settle(1s);
+  const auto each = subscribes();
+  EXPECT_LE(outlet_->step(now_), now_ + 1s);
+  settle(1s);
+  const std::string log = testing::internal::GetCapturedStderr();
+  test::expect_says(log, "subscription_refused server=\"" + config_.mqtt.servers[0] + " for " +
+                             outlet_->status().name + "\" filter=");
+  test::expect_says(log, "the broker does not confirm the subscription");
+  for (int i = 0; i < 3; ++i) settle(60s);
+  EXPECT_GE(subscribes(), 4 * each);
+  EXPECT_LE(outlet_->step(now_), now_ + 75s);
+  broker_.confirms = true;
+  settle(75s);
+  const auto so_far = subscribes();
+  for (int i = 0; i < 10; ++i) settle(20s);
+  EXPECT_EQ(subscribes(), so_far);
 }
 
 struct PlainOutletTest : OutletTest {};
@@ -636,6 +658,19 @@ TEST_P(JsonOutletTest, StateOfTheAgentWaitsAtMostASecondForTheAnswerToTheSubscri
   settle();
   ASSERT_EQ(states().size(), 2U);
   EXPECT_EQ(states().back().find("commands"), std::string::npos) << states().back();
+}
+
+TEST_P(JsonOutletTest, StateOfTheAgentShowsThatARepeatedSubscriptionIsGranted) {
+  broker_.acknowledges = true;
+  broker_.confirms = false;
+  lose_connection();
+  settle(10s);
+  settle(1s);
+  const auto state = [this] { return broker_.on("fx/plant-a/edge7/state").back(); };
+  test::expect_says(state(), R"("commands":false)");
+  broker_.confirms = true;
+  settle(60s);
+  EXPECT_EQ(state().find("commands"), std::string::npos) << state();
 }
 
 TEST_P(JsonOutletTest, StateThatTheBrokerWillNeverAcceptIsNotRepeated) {
