@@ -253,7 +253,10 @@ void Outlet::failed(const DeliveryFailed& event, SteadyTime now) {
 }
 
 void Outlet::stop(SteadyTime now) {
-  if (!shutdown_.has_begun()) shutdown_.begin(now);
+  if (shutdown_.has_begun()) return;
+  shutdown_.begin(now);
+  if (!session_.is_connected()) return;
+  for (const Subscription& each : profile_.subscriptions()) broker_.unsubscribe(each.filter);
 }
 
 // ---- status -------------------------------------------------------------------------------------

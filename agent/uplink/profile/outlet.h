@@ -60,7 +60,8 @@ class Outlet final : private Outgoing::Sender {
   /// Does all that is due. Returns the time by which it must be called again.
   SteadyTime step(SteadyTime now);
 
-  /// Begins the clean end: sends what waits, for at most 1 s, then the profile's last messages.
+  /// Begins the clean end: unsubscribes and sends what waits, for at most 1 s. The profile's last
+  /// messages follow.
   void stop(SteadyTime now);
   bool finished() const { return shutdown_.finished(); }
 

@@ -327,6 +327,13 @@ TEST_P(OutletTest, SubscriptionThatIsNotConfirmedIsRepeatedUntilItIsGranted) {
   EXPECT_EQ(subscribes(), so_far);
 }
 
+TEST_P(OutletTest, StopEndsTheSubscriptions) {
+  settle(1s);
+  EXPECT_FALSE(broker_.filters.empty());
+  stop();
+  EXPECT_TRUE(broker_.filters.empty()) << "messages would be acknowledged and not answered";
+}
+
 struct PlainOutletTest : OutletTest {};
 const std::string kTemp = "fx/plant-a/edge7/press1/temp";
 
