@@ -475,28 +475,50 @@ TEST_F(PublisherOnlineTest, CommandDuringTheEndIsAnswered) {
   EXPECT_EQ(results[0]["id"], "late");
 }
 
-TEST_F(PublisherTest, CommandOfAProfileDuringTheEndIsAnsweredAtItsBroker) {
+/// A profile on another broker, whose commands the publisher carries out.
+struct PublisherOutletTest : test::OnBench {
+  PublisherOutletTest() {
+    ProfileConfig what;
+    what.broker = "cloud";
+    profile.emplace(bench.config, what, "9f3c21aa", "0.1.0", 0, [this](RelayedCommand command) {
+      bench.made().take_relayed(std::move(command), bench.now);
+    });
+    Outlet::Settings settings;
+    settings.mqtt = bench.config.mqtt;
+    outlet.emplace(
+        bench.config, settings, *profile, cloud, [this] { return bench.utc(); }, nullptr);
+    bench.made().add(*outlet);
+  }
+  /// The other broker delivers a command as the agent begins to stop.
+  void send_late() {
+    cloud.log.clear();
+    cloud.send(test::message_on(kBase + "/press1/command",
+                                R"({"id":"late","op":"write","tag":"setpoint","value":1})"));
+  }
+
   test::FakeBroker cloud;
-  const auto relay = [this](RelayedCommand command) {
-    bench.made().take_relayed(std::move(command), bench.now);
-  };
-  ProfileConfig what;
-  what.broker = "cloud";
-  JsonProfile profile(bench.config, what, "9f3c21aa", "0.1.0", 0, relay);
-  Outlet::Settings settings;
-  settings.mqtt = bench.config.mqtt;
-  Outlet outlet(
-      bench.config, std::move(settings), profile, cloud, [this] { return bench.utc(); }, nullptr);
-  bench.made().add(outlet);
+  std::optional<JsonProfile> profile;
+  std::optional<Outlet> outlet;
+};
+
+TEST_F(PublisherOutletTest, CommandOfAProfileDuringTheEndIsAnsweredAtItsBroker) {
   bench.online();
-  cloud.log.clear();
-  cloud.send(test::message_on(kBase + "/press1/command",
-                              R"({"id":"late","op":"write","tag":"setpoint","value":1})"));
+  send_late();
   bench.stop_without_spinning(10);
   const auto result = std::ranges::find(cloud.log, kBase + "/press1/result", &Publication::topic);
   ASSERT_NE(result, cloud.log.end());
   EXPECT_EQ(json::parse(result->payload)["reason"], "shutting_down");
   EXPECT_EQ(cloud.log.back().topic, kBase + "/state") << "the farewell";
+}
+
+TEST_F(PublisherOutletTest, StopDoesNotWaitForACommandOfAProfileThatNobodyAnswers) {
+  bench.broker.reachable = false;  // so the session of mqtt ends at once
+  bench.advance(1s);
+  ASSERT_TRUE(cloud.up());
+  send_late();
+  const SteadyTime begin = bench.now;
+  bench.stop_without_spinning(10);
+  EXPECT_EQ(bench.now, begin);
 }
 
 TEST_F(PublisherOnlineTest, CommandIsRefusedOnceTheFieldIsToStop) {
