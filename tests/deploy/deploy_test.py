@@ -346,6 +346,18 @@ class Scripts(unittest.TestCase):
                 with open(os.path.join(root, folder, name), encoding="utf-8") as file:
                     self.assertEqual(file.read(), text_of(folder, name), "run config/generate.sh")
 
+    def test_links_of_the_documents_lead_somewhere_in_the_package_too(self):
+        rules = ["make", "-f", "debian/rules", "--eval", "print-linked: ; @echo $(linked)", "print-linked"]
+        kept = ["docs", "README.md", *run(*rules, cwd=ROOT).stdout.split()]
+        pages = ["README.md", *(os.path.relpath(os.path.join(folder, name), ROOT)
+                                for folder, _, names in os.walk(in_root("docs")) for name in names if name.endswith(".md"))]
+        links = {(page, os.path.normpath(os.path.join(os.path.dirname(page), link)))
+                 for page in pages for link in re.findall(r"\]\(([^)#:\s]+)[^):\s]*\)", text_of(page))}
+        self.assertGreater(len(links), 100)
+        for page, target in sorted(links):
+            self.assertTrue(os.path.exists(in_root(target)), f"{page}: {target}")
+            self.assertTrue(any(target == path or target.startswith(path + "/") for path in kept), f"{page}: {target}")
+
     def test_no_shell_script_is_doubtful(self):
         scripts = []
         for directory, names, files in os.walk(ROOT):

@@ -171,7 +171,7 @@ def what_it_installs():
                   "COMP_WORDS=(fxagent read --c); COMP_CWORD=2; _fxagent; echo ${COMPREPLY[@]}").split()
     assert options == ["--count"], options
     for name in ("copyright", "changelog.gz", "changelog.Debian.gz", "docs/operate/service.md",
-                 "examples/mosquitto.acl", "third-party/libsqlitecpp-dev"):
+                 "examples/mosquitto.acl", "config/node-red/README.md", "protocol/README.md", "third-party/libsqlitecpp-dev"):
         assert os.path.exists("/usr/share/doc/fxagent/" + name), name
 
 

@@ -36,7 +36,7 @@ class CounterPlant final : public Plant {
   std::int64_t scans_ = 0;
 };
 
-/// An oven with a conveyor; for its devices see tests/sim/README.md.
+/// An oven with a conveyor; for its devices see docs/simulator.md.
 class DemoPlant final : public Plant {
  public:
   void start(DeviceMemory& memory) override {
