@@ -271,8 +271,8 @@ ProtocolInfo mc_protocol(std::string_view name, std::string_view summary) {
   info.model_meaning =
       "Model of the PLC. `auto`: the agent asks the PLC; built-in ports of Q and L do not report "
       "it. While the model is unknown, and in `check`, the ranges of all models together apply. "
-      "X and Y above 7 then have no name: they are octal on an FX5 and hexadecimal elsewhere. An "
-      "`FX5UC` counts as `FX5U`, an iQ-L as `iQ-R`.";
+      "X and Y above 7 are then errors, because X10 is input 8 on an FX5 (octal) and input 16 on "
+      "others (hexadecimal): set the model. An `FX5UC` counts as `FX5U`, an iQ-L as `iQ-R`.";
   info.options = {
       integer("network", 0, 255, settings.route.network,
               "Network number of the PLC; 0 is the connected PLC."),
