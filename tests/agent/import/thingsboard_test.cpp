@@ -19,6 +19,7 @@ TEST(Thingsboard, ASlaveOverTcp) {
     "timeseries": [
       {"tag": "energy", "type": "32uint", "functionCode": 4, "objectsCount": 2, "address": 10, "multiplier": 0.001},
       {"tag": "relay", "type": "bits", "address": 1, "objectsCount": 1, "functionCode": 1},
+      {"tag": "guard", "type": "bits", "address": 1, "objectsCount": 3, "functionCode": 2},
       {"tag": "name", "type": "string", "address": 30, "objectsCount": 4, "functionCode": 3},
       {"tag": "words", "type": "16uint", "address": 40, "objectsCount": 3, "functionCode": 3},
       {"tag": "byte", "type": "8int", "address": 50, "objectsCount": 1, "functionCode": 3}],
@@ -34,6 +35,7 @@ TEST(Thingsboard, ASlaveOverTcp) {
     {"name":"power","address":"hr:2","type":"int16","scale":0.1,"group":"every_1000_ms"},
     {"name":"energy","address":"ir:10","type":"uint32","scale":0.001,"group":"every_1000_ms"},
     {"name":"relay","address":"co:1","group":"every_1000_ms","access":"read_write"},
+    {"name":"guard","address":"di:1","count":3,"group":"every_1000_ms"},
     {"name":"name","address":"hr:30","type":"string","length":8,"word_order":"high_first","group":"every_1000_ms"},
     {"name":"words","address":"hr:40","type":"uint16","group":"every_1000_ms"}
   ])"));

@@ -221,6 +221,56 @@ TEST(SequenceNumbers, MarkCountsForAFileThatOpensLate) {
   for (const std::uint64_t begun : shelf.store->numbers().join(both, 5)) EXPECT_GT(begun, last);
 }
 
+TEST(SequenceNumbers, MarkIsKeptByARunWithoutDevices) {
+  AlwaysSyncedShelf shelf;
+  const std::uint64_t last = shelf.begin() + 1;
+  {
+    const DiskLimit full(1000);
+    shelf.store->numbers().used("a", last);
+    ASSERT_FALSE(shelf.add(rows(last, last)));
+  }
+  for (int run = 0; run < 2; ++run) {
+    shelf.open(5);
+    EXPECT_TRUE(shelf.store->numbers().join({}, 5).empty());
+    if (run == 0) shelf.store->close();
+  }
+  const std::uint64_t joined = shelf.begin(5);
+  EXPECT_GT(joined, last);
+  EXPECT_FALSE(std::filesystem::exists(shelf.config.path + "/fxagent.db.behind"));
+  shelf.open(5);  // after a crash
+  EXPECT_EQ(shelf.begin(5), joined);
+}
+
+TEST(SequenceNumbers, NumbersGoOnInTheFileThatTakesThePlaceOfADeletedOne) {
+  OpenShelf shelf;
+  const std::uint64_t last = shelf.begin() + 7;
+  shelf.store->numbers().used("a", last);
+  shelf.store->upkeep(kStart, kNow);
+  std::filesystem::remove(shelf.file());
+  shelf.store->upkeep(kStart + 60s, kNow);
+  ASSERT_EQ(shelf.store->state(), "disk");
+  EXPECT_EQ(shelf.begin(5), last) << "the same run";
+  shelf.open(5);  // after a crash
+  EXPECT_GT(shelf.begin(5), last);
+}
+
+TEST(SequenceNumbers, DeviceThatJoinsAfterItsFileOpenedLateGoesOnWhereItWasLeft) {
+  const std::vector<std::string> both{"a", "b"};
+  OpenShelf shelf;
+  shelf.store->numbers().join(both, kNow);
+  shelf.store->numbers().used("b", kNow + 9);
+  shelf.store->close();
+  shelf.unmount();
+  shelf.open(5);
+  shelf.begin(5);
+  shelf.store->upkeep(kStart, 5);
+  shelf.mount();
+  shelf.store->upkeep(kStart + 10s, 10005);
+  ASSERT_EQ(shelf.store->state(), "disk");
+  EXPECT_EQ(shelf.store->numbers().join(std::vector<std::string>{"b"}, 20005),
+            std::vector<std::uint64_t>{kNow + 9});
+}
+
 TEST(SequenceNumbers, NumbersThatTheDiskRefusedAreNoneBeforeTheClock) {
   constexpr std::int64_t kYear = std::int64_t{365} * 24 * 3600 * 1000;
   AlwaysSyncedShelf shelf;
