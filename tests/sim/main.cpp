@@ -1,5 +1,6 @@
-// fxsim: simulated Mitsubishi PLCs on pseudo terminals and TCP ports. For usage see README.md.
-// Exit status: 0 stopped on request, 1 a line could not be opened, 2 wrong usage or configuration.
+// fxsim: simulated Mitsubishi PLCs on pseudo terminals and TCP ports. For usage see
+// docs/simulator.md. Exit status: 0 stopped on request, 1 a line could not be opened, 2 wrong usage
+// or configuration.
 
 #include <CLI/CLI.hpp>
 #include <fstream>
