@@ -164,11 +164,27 @@ std::string no_permission(const std::string& path) {
          ", for a container --group-add " + std::to_string(file.st_gid) + ")";
 }
 
+/// Returns the node by which this process has locked the device of `path`; empty: it has not. A
+/// device may have several nodes, and a lock holds for one of them.
+std::string node_locked_here(const std::string& path) {
+  struct stat port {};
+  if (::stat(path.c_str(), &port) != 0) return {};
+  const std::filesystem::path open_files("/proc/self/fd");
+  for (const int number : numbers_in(open_files)) {
+    struct stat file {};
+    const bool is_device =
+        ::fstat(number, &file) == 0 && S_ISCHR(file.st_mode) && file.st_rdev == port.st_rdev;
+    std::error_code unseen;
+    if (is_device && holder_by_lock(file) == ::getpid())
+      return std::filesystem::read_symlink(open_files / std::to_string(number), unseen);
+  }
+  return {};
+}
+
 std::string in_use(const std::string& path) {
-  struct stat file {};
-  if (::stat(path.c_str(), &file) == 0 && holder_by_lock(file) == ::getpid())
-    return " (another link of this agent uses it, perhaps by another name of the port: put the "
-           "devices of both on one link)";
+  if (const std::string node = node_locked_here(path); !node.empty())
+    return " (another link of this agent uses this device, as " + node +
+           ": put the devices of both on one link)";
   if (const auto holder = port_holder(path))
     return " (another program uses it: " + holder->text() + "; end it, or use another port)";
   return " (another program uses it, such as GX Works or another agent: as root, fuser -v " + path +

@@ -91,7 +91,20 @@ TEST_F(PortAccess, WhatCannotBeAPortHasNoHolder) {
 TEST_F(PortAccess, APortThatAnotherLinkOfThisProcessLockedIsNotBlamedOnAProgram) {
   ASSERT_EQ(::flock(own, LOCK_EX), 0);
   EXPECT_FALSE(port_holder(port));
-  test::expect_says(port_cure(port, EWOULDBLOCK), "(another link of this agent uses it");
+  test::expect_says(
+      port_cure(port, EWOULDBLOCK),
+      "(another link of this agent uses this device, as " + fs::read_symlink(port).string());
+}
+
+TEST_F(PortAccess, APortThatAnotherLinkLockedByAnotherNodeIsNotBlamedOnAProgram) {
+  struct stat device {};
+  ASSERT_EQ(::stat(port.c_str(), &device), 0);
+  const std::string node = (directory() / "node").string();
+  if (::mknod(node.c_str(), S_IFCHR | 0600, device.st_rdev) != 0)
+    GTEST_SKIP() << "this user may not make device nodes";
+  ASSERT_EQ(::flock(own, LOCK_EX), 0);
+  test::expect_says(port_cure(node, EBUSY), "(another link of this agent uses this device, as " +
+                                                fs::read_symlink(port).string());
 }
 
 TEST_F(PortAccess, WhatAProgramWasCalledWithIsFoundUnderAnyName) {
