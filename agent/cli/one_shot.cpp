@@ -92,11 +92,15 @@ CommandResult not_in_the_audit(const Command& command, std::string why) {
   return result;
 }
 
+// Longest time to open a link: that of a TCP connection.
+constexpr std::chrono::seconds kOpenWithin{5};
+
 /// Admission and bus access for the first device of a config, without broker and journal.
 class DirectLine final {
  public:
   DirectLine(const Config& config, bool trace)
       : device_(config.devices.front()),
+        listening_(config.links.front().listening),
         outbox_(1),
         field_(config, outbox_, {}, Polling::off),
         codec_(device_.codec) {
@@ -113,9 +117,10 @@ class DirectLine final {
     const Command command = command_for(op, name, device_, std::move(target));
     const std::string& tag = command.targets.front().tag;
     const bool is_unknown = !tag.empty() && tag_named(tag, device_) == nullptr;
-    if (must_ask_model(*codec_) && !is_unknown)
-      while (!contacted_) take();
+    const bool is_compared = op != Op::read && codec_->plc() != nullptr;
+    if ((must_ask_model(*codec_) || is_compared) && !is_unknown) await_contact();
     CommandAdmission admission(device_);
+    if (is_compared) admission.plc_has(codec_of_plc_);
     auto decision = admission.admit(command, codec_, 0, std::chrono::steady_clock::now());
     if (auto* result = std::get_if<CommandResult>(&decision)) {
       if (audit != nullptr) audit->refused(command, *result);
@@ -124,7 +129,7 @@ class DirectLine final {
     if (audit != nullptr && !audit->admitted(command))
       return not_in_the_audit(command, audit->fault());
     field_.submit(std::move(std::get<AdmittedCommand>(decision)));
-    while (!result_) take();
+    while (!result_) take(SteadyTime::max());
     CommandResult result = *std::exchange(result_, std::nullopt);
     if (audit != nullptr && !audit->finished(result, utc_now_ms()))
       std::cerr << "the result is not in the audit: " << audit->fault() << '\n';
@@ -132,22 +137,32 @@ class DirectLine final {
   }
 
  private:
+  /// Waits until the PLC was asked for its model, or does not answer. A device that sends only
+  /// invalid answers has no state.
+  void await_contact() {
+    using Clock = std::chrono::steady_clock;
+    const auto until = Clock::now() + kOpenWithin + listening_ + 3 * device_.timeout;
+    while (!contacted_ && Clock::now() < until) take(until);
+  }
   /// Waits for messages of the field. States that arrive before the result carry the detected
   /// model.
-  void take() {
-    outbox_.wait_until(SteadyTime::max());
+  void take(SteadyTime until) {
+    outbox_.wait_until(until);
     auto batch = outbox_.take();
     for (const DeviceStatus& status : batch.states) {
       if (status.reason != "starting") contacted_ = true;
       if (status.codec && must_ask_model(*codec_)) codec_ = status.codec;
+      codec_of_plc_ = status.codec_of_plc;
     }
     if (!batch.results.empty()) result_ = std::move(batch.results.front());
   }
 
   const DeviceConfig& device_;
+  const std::chrono::milliseconds listening_;
   Outbox outbox_;
   Field field_;
   std::shared_ptr<const Codec> codec_;
+  std::shared_ptr<const Codec> codec_of_plc_;  ///< DeviceStatus::codec_of_plc
   bool contacted_ = false;
   std::optional<CommandResult> result_;
 };

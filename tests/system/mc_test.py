@@ -109,6 +109,18 @@ class EveryFrame(McTest):
         self.assertEqual(self.sim.get("fx5", "Y20"), 0)
         self.succeed("fx5", op="force_on", address="Y7")
 
+    def test_the_command_line_does_not_switch_it_either(self):
+        self.start_around([self.plc_of("fx5")])
+        path = config_file(self.directory, [self.link_of("fx5")],
+                           [self.device_of("fx5", model="Q", commands={"allow": ["Y0-Y1F"]})])
+        for subcommand, *value in (["force-on"], ["write", "true"]):
+            status, out, _ = fxagent(subcommand, path, "fx5", "Y10", *value)
+            self.assertEqual(status, 2, out)
+            self.assertIn("REJECTED, bad_address: Y10 is Y20 on this PLC", out)
+        self.assertEqual(self.sim.get("fx5", "Y20"), 0)
+        status, out, _ = fxagent("force-on", path, "fx5", "Y7")
+        self.assertEqual((status, self.sim.get("fx5", "Y7")), (0, 1), out)
+
     def test_a_hole_costs_the_tags_in_it_alone(self):
         names = ["fx3", "fx5", "iqr"]
         self.start_plant(names, **{name: {"holes": ["D101"]} for name in names})

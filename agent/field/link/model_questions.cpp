@@ -33,14 +33,15 @@ asio::awaitable<void> ModelQuestions::run(LinkDevice& device, PollScheduler::Pol
     if (state_.is_stopping()) co_return;
     is_answered = take_answer(device, step, exchange);
   }
-  if (is_answered && device.state.compares_model()) {
+  const bool is_compared = is_answered && device.state.compares_model();
+  if (is_compared) {
     const auto questions = static_cast<std::uint32_t>(device.codec->plc()->identify().size());
     device.model_images.clear();
     link_.scheduler.group(step.group)
         .extend_cycle(1 + questions, std::chrono::nanoseconds(0), Clock::now());
   }
   link_.scheduler.step_done(step);
-  state_.update(device);
+  if (!is_compared) state_.update(device);  // otherwise compare_model() does
 }
 
 bool ModelQuestions::take_answer(LinkDevice& device, const PollScheduler::PollStep& step,
@@ -87,7 +88,10 @@ asio::awaitable<void> ModelQuestions::compare_model(LinkDevice& device,
   if (is_answer) device.model_images.push_back(exchange.is_data() ? exchange.reply.image : Bytes{});
   if (is_answer && !link_.scheduler.step_done(step)) co_return;
   end_cycle();
-  if (!is_answer) co_return device.state.model_unanswered();
+  if (!is_answer) {
+    device.state.model_unanswered();
+    co_return state_.update(device);
+  }
   const auto model = plc.model_from(device.model_images);
   device.state.compare_model(model);
   const bool is_other = model && *model != model_of(*device.codec);

@@ -253,6 +253,18 @@ TEST_F(PortPolls, PlcOfAnotherModelThanTheConfigsIsLoggedAndToldOnce) {
   EXPECT_EQ(log.find("model_configured=FX3U"), log.rfind("model_configured=FX3U")) << log;
 }
 
+TEST_F(PortPolls, TheFirstStateOfAPlcComesAfterItsModelIsCompared) {
+  config.devices[0].tags.clear();
+  plc.set(kM8000, {0x01});
+  plc.set(kD8001, word(24310));  // FX2N
+  plc.set(kD8101, word(24310));
+  start();
+  poller->add_question(*devices[0]);
+  steps_until([&] { return newest.contains(0); });
+  EXPECT_EQ(newest[0].state, State::online);
+  EXPECT_NE(newest[0].codec_of_plc, nullptr) << "a command that waits for it would not be judged";
+}
+
 // ---- a PLC without a configured model ----------------------------------------------------------
 
 struct ModelPolls : PortPolls {
