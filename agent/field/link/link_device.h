@@ -51,6 +51,8 @@ struct GroupPoll {
   /// time.
   std::uint32_t refusals = 0;
   std::chrono::nanoseconds refused_time{0};
+  /// Answers of the running cycle. Those are invalid that closed the connection.
+  enum class Answers : std::uint8_t { none, only_invalid, valid } answers = Answers::none;
 };
 
 /// A device of a link: its current codec, its plans, its state.

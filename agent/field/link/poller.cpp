@@ -100,6 +100,7 @@ bool Poller::begin_cycle(LinkDevice& device, GroupPoll& group,
   group.began = now;
   plans_.refresh(device, group);
   group.cycle.begin(link_.bus.doubt().findings());
+  group.answers = GroupPoll::Answers::none;
   group.refusals = 0;
   group.refused_time = {};
   device.late_ms.add(step.late);
@@ -115,6 +116,7 @@ asio::awaitable<void> Poller::read_group(LinkDevice& device, GroupPoll& group,
   if (!device.state.is_model_known()) {
     BadReason failure = BadReason::timeout;
     const Knowledge knowledge = co_await questions_.ask_model(device, failure);
+    if (failure == BadReason::bad_frame) note_invalid(group);
     if (knowledge == Knowledge::unanswered) fail_cycle(device, group, failure);
     if (knowledge != Knowledge::known) co_return;  // a new plan: the cycle is offered again
   }
@@ -134,6 +136,11 @@ asio::awaitable<void> Poller::read_group(LinkDevice& device, GroupPoll& group,
   take_reading(device, group, step, asked, std::move(exchange));
 }
 
+void Poller::note_invalid(GroupPoll& group) const {
+  if (!link_.bus.is_open() && group.answers == GroupPoll::Answers::none)
+    group.answers = GroupPoll::Answers::only_invalid;
+}
+
 void Poller::take_reading(LinkDevice& device, GroupPoll& group, const PollScheduler::PollStep& step,
                           const Asked& asked, Exchange exchange) {
   if (state_.is_stopping()) return;
@@ -143,6 +150,8 @@ void Poller::take_reading(LinkDevice& device, GroupPoll& group, const PollSchedu
     state_.answered(device);
     exchange.outcome = Exchange::Outcome::garbled;
   }
+  if (exchange.has_answer()) group.answers = GroupPoll::Answers::valid;
+  if (exchange.outcome == Exchange::Outcome::garbled) note_invalid(group);
   if (exchange.is_data()) device.turnaround.add(exchange.turnaround);
   if (exchange.is_ack() || exchange.is_data()) state_.answered(device);
   if (!exchange.doubted && !link_.bus.doubt().is_doubted() &&
@@ -260,6 +269,9 @@ void Poller::finish_cycle(LinkDevice& device, GroupPoll& group) {
     publish(device, std::move(*message));
   else
     ++device.suppressed;
+  if (group.answers == GroupPoll::Answers::valid) link_.scheduler.had_valid(group.id);
+  if (group.answers == GroupPoll::Answers::only_invalid)
+    link_.scheduler.only_invalid(group.id, Clock::now());
   state_.update(device);
   if (device.state.reported().state == DeviceStatus::State::online) device.logged_refusals.clear();
 }

@@ -66,6 +66,8 @@ class Poller final {
     Request request;
     bool again = false;  ///< the step is offered once more
   };
+  /// Records an invalid answer in the group's cycle, if it has closed the connection.
+  void note_invalid(GroupPoll& group) const;
   void take_reading(LinkDevice& device, GroupPoll& group, const PollScheduler::PollStep& step,
                     const Asked& asked, Exchange exchange);
   enum class Refusal : std::uint8_t {

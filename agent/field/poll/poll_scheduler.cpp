@@ -5,6 +5,9 @@
 namespace fxagent {
 namespace {
 
+// Consecutive cycles with only invalid answers after which a group rests.
+constexpr int kOnlyInvalid = 3;
+
 /// Stores `element` in the first vacant place, or appends it. Returns the index.
 template <class T>
 std::uint32_t put(std::vector<T>& list, const T& element) {
@@ -45,7 +48,7 @@ PollScheduler::Group* PollScheduler::most_urgent(SteadyTime now) {
   SteadyTime best_deadline{};
   for (Group& group : groups_) {
     if (group.gone || group.schedule.begins_at() > now) continue;
-    if (device(group.device).rests_until() > now) continue;
+    if (rests_until(group) > now) continue;
     const SteadyTime deadline = group.schedule.deadline();
     if (best != nullptr && deadline >= best_deadline) continue;
     best = &group;
@@ -58,8 +61,7 @@ SteadyTime PollScheduler::next_wake() const {
   auto wake = SteadyTime::max();
   for (const Group& group : groups_) {
     if (group.gone) continue;
-    const SteadyTime rests_until = devices_[group.device].polled.rests_until();
-    wake = std::min(wake, std::max(group.schedule.begins_at(), rests_until));
+    wake = std::min(wake, std::max(group.schedule.begins_at(), rests_until(group)));
   }
   return wake;
 }
@@ -92,6 +94,16 @@ PollScheduler::Job PollScheduler::next(SteadyTime now) {
 
 void PollScheduler::forget_until(SteadyTime now) {
   for (Group& group : groups_) group.schedule.forget_until(now);
+}
+
+void PollScheduler::only_invalid(GroupId id, SteadyTime now) {
+  Group& group = groups_[id];
+  if (++group.only_invalid >= kOnlyInvalid) group.rest.begin(now, device(group.device).back_off());
+}
+
+void PollScheduler::had_valid(GroupId id) {
+  groups_[id].only_invalid = 0;
+  groups_[id].rest = {};
 }
 
 SteadyTime PollScheduler::read_at_once(DeviceId device, SteadyTime from) {

@@ -77,10 +77,25 @@ class LineShare final {
   std::chrono::nanoseconds owed_to_polls_{0};  ///< below 0: they have used more
 };
 
-/// Rest of a silent device. Doubles from `first` to `cap` with each failed attempt.
+/// Limits of a Rest.
 struct BackOff {
   std::chrono::milliseconds first{1000};
   std::chrono::milliseconds cap{30000};
+};
+
+/// Rest after a failed attempt. Doubles from BackOff::first to BackOff::cap with each one.
+class Rest final {
+ public:
+  void begin(SteadyTime now, const BackOff& back_off) {
+    delay_ = std::min(std::max(back_off.first, delay_ * 2), back_off.cap);
+    until_ = now + delay_;
+  }
+  /// Returns its end; a time that has passed if there is none.
+  SteadyTime until() const { return until_; }
+
+ private:
+  std::chrono::milliseconds delay_{0};
+  SteadyTime until_{};
 };
 
 /// One device of a line. While it is silent, its polls rest, longer after each failed attempt.
@@ -100,8 +115,7 @@ class PolledDevice final {
   void answered() {
     unanswered_ = 0;
     silent_ = false;
-    delay_ = {};
-    rests_until_ = {};
+    rest_ = {};
   }
   enum class AskedBy : std::uint8_t { poll, command };
   /// Counts one more exchange without an answer. True if the device is silent now: its polls rest
@@ -112,12 +126,12 @@ class PolledDevice final {
     if (unanswered_ < unanswered_limit_) return false;
     if (silent_ && by == AskedBy::command) return true;
     silent_ = true;
-    delay_ = std::min(std::max(back_off_.first, delay_ * 2), back_off_.cap);
-    rests_until_ = now + delay_;
+    rest_.begin(now, back_off_);
     return true;
   }
   bool is_silent() const { return silent_; }
-  SteadyTime rests_until() const { return rests_until_; }
+  SteadyTime rests_until() const { return rest_.until(); }
+  const BackOff& back_off() const { return back_off_; }
 
   void cycle_begun() { ++counters_.polls; }
   void missed(std::uint64_t polls) { counters_.missed += polls; }
@@ -128,8 +142,7 @@ class PolledDevice final {
   BackOff back_off_;
   int unanswered_ = 0;
   bool silent_ = false;
-  std::chrono::milliseconds delay_{0};
-  SteadyTime rests_until_{};
+  Rest rest_;
   Counters counters_;
 };
 
@@ -177,16 +190,22 @@ class PollScheduler final {
   /// Returns the job to run now, or the time to wait for. Changes state: the cycle of a poll with
   /// `starts_cycle` has begun. The same exchange is offered again until step_done() or the end of
   /// the cycle. Waiting commands come first, except for the polls' share; then the due group with
-  /// the earliest deadline whose device is not in back-off. A running cycle goes on with its next
-  /// exchange by the same rule. A late cycle does not move the later ones: missed intervals are
-  /// skipped and counted, never sent in a burst. If the groups ask for more than the whole line,
-  /// all intervals are stretched by the same factor.
+  /// the earliest deadline that does not rest, nor its device. A running cycle goes on with its
+  /// next exchange by the same rule. A late cycle does not move the later ones: missed intervals
+  /// are skipped and counted, never sent in a burst. If the groups ask for more than the whole
+  /// line, all intervals are stretched by the same factor.
   Job next(SteadyTime now);
 
   /// Records that the step was carried out. True: the cycle has ended.
   bool step_done(const PollStep& step) {
     return groups_[step.group].schedule.step_done(step.exchange);
   }
+
+  /// Records a cycle of the group in which invalid answers closed the connection and none was
+  /// valid. After three in a row, the group rests as a silent device does.
+  void only_invalid(GroupId group, SteadyTime now);
+  /// Records a valid answer to a cycle of the group, or to a command: the group does not rest.
+  void had_valid(GroupId group);
 
   /// Schedules one extra cycle at or soon after `from` for each group of the device that is not
   /// being read. The intervals stay as they are. The cycles are spread so that half of the line is
@@ -214,11 +233,17 @@ class PollScheduler final {
     DeviceId device = 0;
     bool gone = false;  ///< remove_device(): the place is vacant
     GroupSchedule schedule;
+    int only_invalid = 0;  ///< consecutive cycles; see only_invalid()
+    Rest rest{};
   };
 
   /// Returns the due group that goes first, or null.
   Group* most_urgent(SteadyTime now);
   SteadyTime next_wake() const;
+  /// Returns the end of the rest of the group or its device.
+  SteadyTime rests_until(const Group& group) const {
+    return std::max(group.rest.until(), devices_[group.device].polled.rests_until());
+  }
 
   LineShare share_;
   std::vector<Device> devices_;

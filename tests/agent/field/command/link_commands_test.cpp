@@ -134,6 +134,17 @@ struct LinkCommandsTest : ScriptedBusTest {
   std::vector<Telemetry> telemetry;
 };
 
+TEST_F(LinkCommandsTest, AnswerToACommandEndsTheRestAfterInvalidAnswers) {
+  open();
+  const PollScheduler::GroupId group = devices[0]->groups[0]->id;
+  for (int i = 0; i < 3; ++i) scheduler.only_invalid(group, Clock::now() + std::chrono::hours(1));
+  const auto due = Clock::now() + std::chrono::minutes(1);
+  EXPECT_EQ(scheduler.next(due).kind, PollScheduler::Job::Kind::wait);
+  add("a", {0});
+  EXPECT_EQ(ended(), Ids{"a"});
+  EXPECT_EQ(scheduler.next(due).kind, PollScheduler::Job::Kind::poll);
+}
+
 TEST_F(LinkCommandsTest, CommandsGoInTheirOrderAndTellWhatTheyWrote) {
   add("a", {0});
   add("b", {1});

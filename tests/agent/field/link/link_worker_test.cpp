@@ -623,7 +623,7 @@ struct StreamWithoutNumbers : LinkWorkerTest {
   Bytes answer(ByteView request) {
     const bool answers = request.size() == 21 && there.contains(request[2]);
     if (!answers) return {};
-    if (garbled.contains(request[2])) return Bytes(20, 0xFF);
+    if (garbled.contains(request[2]) || request[18] == garbled_space) return Bytes(20, 0xFF);
     const std::size_t bytes = 2U * request[19];
     Bytes out{0xD0, 0x00, request[2], request[3], request[4], request[5], request[6]};
     out.push_back(static_cast<std::uint8_t>(2 + bytes));
@@ -640,6 +640,7 @@ struct StreamWithoutNumbers : LinkWorkerTest {
 
   std::set<unsigned> there;    ///< networks whose PLC answers
   std::set<unsigned> garbled;  ///< those of them that answer with nonsense
+  int garbled_space = -1;      ///< code of a device that all answer so; W is 0xB4
 };
 
 TEST_F(StreamWithoutNumbers, DeviceThatNeverAnswersTimesOutAndTheLogSaysWhatToLookAt) {
@@ -706,13 +707,46 @@ TEST_F(StreamWithoutNumbers, NeighbourOfADeviceThatAnswersNonsenseStaysOnline) {
   EXPECT_EQ(log.find("the line was lost"), std::string::npos) << log;
 }
 
+TEST_F(StreamWithoutNumbers, DeviceThatOnlyAnswersNonsenseRestsAndItsNeighbourIsPolledOn) {
+  add_network(1);
+  add_network(2);
+  there = {1, 2};
+  start();
+  wait([&] { return !of_device(0).empty() && !of_device(1).empty(); });
+  garbled = {1};
+  const std::size_t opened = wire->opened();
+  const std::size_t polled = of_device(1).size();
+  wait([&] { return of_device(1).size() >= polled + 200; });
+  EXPECT_LT(wire->opened() - opened, 50U) << "it was asked as often as its neighbour";
+  EXPECT_GE(wire->opened() - opened, 3U);
+  garbled.clear();
+  wait([&] { return reasons(0).back().empty(); });
+}
+
+TEST_F(StreamWithoutNumbers, OnePlaceThatAnswersNonsenseDoesNotMakeTheOthersRest) {
+  add_network(1);
+  config.devices[0].groups.push_back(group("strange", milliseconds(5)));
+  config.devices[0].tags.push_back(tag(*config.devices[0].codec, "strange", "W5"));
+  config.devices[0].tags.back().group = 1;
+  there = {1};
+  garbled_space = 0xB4;
+  start();
+  const auto polls = [&](std::uint32_t group) {
+    return std::ranges::count(of_device(0), group, &Telemetry::group);
+  };
+  wait([&] { return polls(0) >= 200; });
+  EXPECT_LT(polls(1), 50);
+}
+
 TEST_F(StreamWithoutNumbers, PeerThatHasOnlyAnsweredNonsenseIsALoss) {
   add_network(1);
   there = garbled = {1};
   testing::internal::CaptureStderr();
   start();
-  wait([&] { return wire->opened() >= 2; });
+  wait([&] { return wire->opened() >= 5; });
   expect_says(testing::internal::GetCapturedStderr(), "the line was lost");
+  garbled.clear();
+  wait_for_state(State::online, "");
 }
 
 // ---- commands ----------------------------------------------------------------------------------

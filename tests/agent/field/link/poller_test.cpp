@@ -518,5 +518,30 @@ TEST_F(ModbusPolls, LongestPollIsThatOfTheSlowestPlan) {
   EXPECT_EQ(poller->longest_poll(), plan.line_time);
 }
 
+// ---- a peer that answers everything with nonsense -----------------------------------------------
+
+struct StrangerPolls : PollerTest {
+  Bytes answer(ByteView) override { return Bytes(20, 0xFF); }
+  /// Expects that a device with these options of `mc-3e` rests after three polls.
+  void expect_rest(Options options) {
+    config.links.push_back({"net", TcpSettings{"192.0.2.10", 5007}, nanoseconds(0)});
+    DeviceConfig& device = config.devices.emplace_back();
+    device = device_on("mc-3e", codec_of("mc-3e", std::move(options)));
+    device.groups[0].interval = milliseconds(5);
+    device.tags.push_back(tag(*device.codec, "temp", "D100"));
+    start();
+    SteadyTime began;
+    for (began = Clock::now(); telemetry.size() < 3; began = Clock::now()) {
+      EXPECT_LT(scheduler.next(began).until, began + milliseconds(1000));
+      if (!bus->is_open()) run_on(io, bus->open());
+      step();
+    }
+    EXPECT_GE(scheduler.next(began).until, began + milliseconds(900));
+  }
+};
+
+TEST_F(StrangerPolls, ItsPollsRest) { expect_rest({{"model", std::string("FX5U")}}); }
+TEST_F(StrangerPolls, ItsPollsRestIfItIsAskedForItsModel) { expect_rest({}); }
+
 }  // namespace
 }  // namespace fxagent::test

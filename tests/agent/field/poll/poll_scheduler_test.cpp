@@ -294,6 +294,29 @@ TEST_F(PollSchedulerAlone, BackOffDoublesToItsCapAndAnAnswerEndsIt) {
   EXPECT_EQ(scheduler.next(at(999)).kind, Kind::wait) << "the back-off begins anew";
 }
 
+TEST_F(PollSchedulerTest, GroupWithOnlyInvalidAnswersRestsAndTheOthersGoOn) {
+  const auto group = scheduler.add_group(device, milliseconds(100), 1, at(0));
+  for (const int now : {0, 100}) {
+    EXPECT_EQ(poll(scheduler, at(now)), group);
+    scheduler.only_invalid(group, at(now));
+  }
+  int now = 200;
+  for (const int rest : {1000, 2000, 4000, 4000}) {
+    EXPECT_EQ(poll(scheduler, at(now)), group);
+    scheduler.only_invalid(group, at(now));
+    EXPECT_EQ(scheduler.next(at(now)).until, at(now + rest));
+    EXPECT_EQ(scheduler.next(at(now + rest - 1)).kind, Kind::wait) << rest;
+    now += rest;
+  }
+  const auto other = scheduler.add_group(device, milliseconds(100), 1, at(now - 1));
+  EXPECT_EQ(poll(scheduler, at(now - 1)), other);
+  EXPECT_EQ(poll(scheduler, at(now)), group);
+  scheduler.had_valid(group);
+  scheduler.only_invalid(group, at(now));
+  EXPECT_EQ(poll(scheduler, at(now + 99)), other);
+  EXPECT_EQ(poll(scheduler, at(now + 100)), group) << "three in a row make it rest";
+}
+
 TEST_F(PollSchedulerAlone, CommandsWithoutAnAnswerDoNotPutOffTheNextPoll) {
   const auto device = scheduler.add_device(1, kBackOff);
   scheduler.add_group(device, milliseconds(100), 1, at(0));
