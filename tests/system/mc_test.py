@@ -102,8 +102,13 @@ class EveryFrame(McTest):
 
     def test_an_output_that_has_another_name_on_the_plc_is_not_switched(self):
         self.start_around([self.plc_of("fx5")])
-        self.start_agent([self.device_of("fx5", model="Q", commands={"allow": ["Y0-Y1F"]})], [self.link_of("fx5")])
+        device = self.device_of("fx5", model="Q", commands={"allow": ["Y0-Y1F"]})
+        device["tags"] += [tag("near", "X7"), tag("input", "X10")]
+        self.start_agent([device], [self.link_of("fx5")])
         self.watcher.wait("fx/plant-a/edge7/fx5/state", lambda s: s["model_configured"] == "Q")
+        sample = self.data(lambda m: "input" in m.get("bad", {}), "fx5")
+        self.assertEqual(sample["bad"]["input"]["why"], "unsupported")
+        self.assertEqual(list(sample["bad"]), ["input"])
         refused = self.reject("bad_address", "fx5", op="force_on", address="Y10")
         self.assertIn("Y10 is Y20 on this PLC", refused["detail"])
         self.assertEqual(self.sim.get("fx5", "Y20"), 0)

@@ -103,6 +103,8 @@ asio::awaitable<void> ModelQuestions::compare_model(LinkDevice& device,
          {"model_configured", model_of(*device.codec)},
          {"note", "the PLC is not the model of the config: correct model, or set it to auto"}});
   device.codec_of_plc = is_other ? plc.with_model(*model) : nullptr;
+  for (const auto& group : device.groups)
+    group->cycle.compare(*device.codec, device.codec_of_plc.get());
   state_.update(device);
 }
 

@@ -34,6 +34,16 @@ void PollCycle::use(Plan plan, std::uint64_t findings) {
   begin(findings);
 }
 
+void PollCycle::compare(const Codec& codec, const Codec* of_plc) {
+  renamed_.clear();
+  if (of_plc == nullptr) return;
+  for (const std::uint32_t tag : tags()) {
+    const auto span = span_of(device_.tags[tag].point);
+    if (span && names_of(codec.addresses(), *span) != names_of(of_plc->addresses(), *span))
+      renamed_.insert(tag);
+  }
+}
+
 void PollCycle::begin(std::uint64_t findings) {
   findings_ = findings;
   reads_.begin();
@@ -107,6 +117,7 @@ TagReading PollCycle::reading_of(std::size_t index, bool doubtful) const {
   }
   reading.bad = reads_.failure_of(index);
   if (!reading.bad && doubtful) reading.bad = BadReason::bad_frame;
+  if (!reading.bad && renamed_.contains(reading.tag)) reading.bad = BadReason::unsupported;
   if (reading.bad) return reading;
   auto value = reads_.value_of(index, device_.tags[reading.tag].point);
   if (value)

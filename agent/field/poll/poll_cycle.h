@@ -19,6 +19,7 @@
 #include "agent/field/poll/report_by_exception.h"
 #include "agent/handover/telemetry.h"
 #include "agent/steady_time.h"
+#include "protocol/codec.h"
 #include "protocol/plan/plan.h"
 
 namespace fxagent {
@@ -52,6 +53,9 @@ class PollCycle final {
   /// Reads the group by `plan`, whose points are points(), and discards what was collected. Begins
   /// a new cycle.
   void use(Plan plan, std::uint64_t findings);
+  /// The PLC is another model than that of `codec`: `of_plc` is for its own. Tags whose places have
+  /// another name there are bad. Null: it is not.
+  void compare(const Codec& codec, const Codec* of_plc);
   /// Begins a new cycle. `findings`: BusDoubt::findings() at this moment.
   void begin(std::uint64_t findings);
 
@@ -101,6 +105,7 @@ class PollCycle final {
   std::vector<NoValue> no_values_;
   std::unordered_map<std::uint32_t, SteadyTime> none_at_;  ///< tag → when it last held no value
   std::unordered_set<std::uint32_t> odd_orders_;  ///< tags found with a likelier word order
+  std::unordered_set<std::uint32_t> renamed_;     ///< tags with another place on the PLC
   std::uint32_t replies_ = 0;
   SteadyTime first_reply_{};
   SteadyTime last_reply_{};

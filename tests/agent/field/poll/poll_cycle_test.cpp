@@ -397,5 +397,30 @@ TEST_F(PollCycleTest, GroupThatHasNothingNewToSayHasNoSample) {
   EXPECT_FALSE(cycle.finish(false, 0, 9000, now));
 }
 
+TEST_F(PollCycleTest, TagWithAnotherNameOnThePlcIsBadUntilTheModelIsRight) {
+  const auto codec = [](const char* model) {
+    return codec_of("mc-3e", {{"model", std::string(model)}});
+  };
+  device = device_on("mc-3e", codec("Q"));
+  for (const char* address : {"X7", "X10", "D10"})
+    device.tags.push_back(tag(*device.codec, address, address));
+  PollCycle cycle(device, 0);
+  const auto bad_by = [&](const char* model) {
+    cycle.compare(*device.codec, model == nullptr ? nullptr : codec(model).get());
+    cycle.use(make_plan(*device.codec, cycle.points(), LineCost{}, 64), 0);
+    for (std::uint32_t read = 0; read < cycle.reads().plan().reads.size(); ++read)
+      take(cycle, read, data(Bytes((cycle.reads().plan().reads[read].read.span.bits + 7) / 8)));
+    std::vector<std::optional<BadReason>> bad;
+    for (const TagReading& reading : finished(cycle).readings) bad.push_back(reading.bad);
+    return bad;
+  };
+  using Bad = std::vector<std::optional<BadReason>>;
+  EXPECT_EQ(bad_by("FX5U"), (Bad{std::nullopt, BadReason::unsupported, std::nullopt}))
+      << "X10 is X20 there";
+  EXPECT_EQ(bad_by("iQ-R"), Bad(3)) << "all names are the same";
+  EXPECT_EQ(bad_by("FX5U").at(1), BadReason::unsupported);
+  EXPECT_EQ(bad_by(nullptr), Bad(3));
+}
+
 }  // namespace
 }  // namespace fxagent::test
