@@ -18,10 +18,10 @@ import time
 
 import chaos_faults
 from chaos_ledger import Ledger
-from chaos_commands import Client, Commands, judge_commands, unanswered
+from chaos_commands import Client, judge_commands, unanswered
 from chaos_plant import CLOCK_LIBRARY, ChaosAgent, Consumer, Disk, Plant
 from chaos_relay import Relay
-from ledger import Deeds
+from ledger import Commands, Deeds
 from plant import BASE, FXAGENT, PATIENCE, Broker, wait_for
 
 SETTLE_S = 120  # silent devices and a lost broker are retried at most every 30 s
@@ -47,7 +47,8 @@ class Chaos:
         self.clients = []
         self.planned = {}  # lane -> number of planned acts
         self.not_run = {}  # lane -> why this machine cannot have it
-        self.commands = Commands({name: self.plant.places(name) for name in self.plant.PROTOCOLS})
+        self.commands = Commands({name: self.plant.places(name) for name in self.plant.PROTOCOLS},
+                                 random.Random(f"{seed}/commands"))
         self.stack = contextlib.ExitStack()
         self.pending = []  # (when, healing action), in s since the first possible act
         self.begin = time.monotonic()
@@ -358,7 +359,7 @@ class Chaos:
             "wire": sum(self.wire_faults().values()),
             "disk": self.agent.disk_refusals(),
             "clock": self.ledger.counts["samples by a clock that was set"],
-            "commands sent": sum(self.commands.sent.values()),
+            "commands sent": sum(self.commands.counts.values()),
             "commands carried out": sum(self.deeds.count.values()),
             "results": sum(self.ledger.statuses.values()),
             "samples": self.ledger.counts["samples"],
@@ -442,7 +443,7 @@ class Chaos:
         table("what the cable did", self.relay.struck)
         table("wire faults that struck", self.wire_faults())
         table("seen", ledger.counts)
-        table("commands sent", self.commands.sent)
+        table("commands sent", self.commands.counts)
         table("results", ledger.statuses)
         print(f"\ncommands carried out: {sum(self.deeds.count.values())}", file=out)
         if ledger.ages:

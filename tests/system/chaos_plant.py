@@ -207,13 +207,14 @@ class Plant:
         word = "hr:{}" if modbus else "D{}"
         allow = (["co:100-co:9999", "hr:300-hr:399"] if modbus else
                  ["M100-M7679", "CN0-CN149", "D300-D399"])
+        (_, [written]), = self.places(name)["tag"]
         out = {"name": name, "protocol": self.PROTOCOLS[name], "timeout_ms": 300, "retries": 2,
                "groups": [{"name": "fast", "interval_ms": 100 if name == "meter1" else 300},
                           {"name": "slow", "interval_ms": 2000}],
                "tags": [tag("a", word.format(100), type="uint16"),
                         tag("b", word.format(3000), type="uint16"),
                         tag("c", word.format(200), "slow", type="uint16"),
-                        tag("set", self.places(name)["tag"], "slow", access="read_write")],
+                        tag("set", written, "slow", access="read_write")],
                "commands": {"allow": allow}, **own}
         if not modbus:
             out["model"] = "FX3U"

@@ -3,6 +3,7 @@ the checks detect violations, and that a run without activity does not pass."""
 
 import json
 import os
+import random
 import sys
 import tempfile
 import time
@@ -13,10 +14,10 @@ import chaos_faults
 from chaos import Chaos as Run
 from chaos import run_chaos
 from chaos_ledger import Ledger, Ramp
-from chaos_commands import FX_PLACES, Commands, judge_commands, unanswered
+from chaos_commands import judge_commands, unanswered
 from chaos_plant import Disk, Plant
 from chaos_relay import Tap
-from ledger import FORCED, Deeds
+from ledger import Commands, Deeds, addresses
 from plant import BASE
 
 
@@ -89,7 +90,7 @@ class Checks(unittest.TestCase):
         self.ledger = Ledger(BASE)
         self.ledger.tags["press1", "fast"] = {"a"}
         self.now = int(time.time() * 1000)
-        self.commands = Commands({"press1": FX_PLACES})
+        self.commands = Commands({"press1": {"bit": addresses("M{}", 100, 7000)}}, random.Random(1))
         self.deeds = Deeds(None, [])
 
     def row(self, seq, boot="b1", later_ms=0, **more):
@@ -179,19 +180,15 @@ class Checks(unittest.TestCase):
         self.faulty(1, "does not add up")
 
     def command(self, identity, carried_out, *results, kind="change", taken=True):
-        self.commands.begin(kind, "press1", identity)
-        command = self.commands.change("press1", identity)
+        command = self.commands.make(kind, "press1", identity)
         if taken:
-            self.ledger.command_taken(1, f"{BASE}/press1/command",
-                                      json.dumps({"id": identity, **command}).encode())
+            self.ledger.command_taken(1, f"{BASE}/press1/command", json.dumps(command).encode())
         for status, reason in results:
-            body = {"id": identity, "status": status, "reason": reason, "plc": None,
-                    "op": command["op"], "address": command["address"]}
+            body = {"status": status, "reason": reason, "plc": None, "verify": None, **command}
             self.ledger.consumed(f"{BASE}/press1/result", json.dumps(body).encode(), False)
-
+        (place, value), = self.commands.sent["press1", identity][-1].targets[0]
         for _ in range(carried_out):
-            self.deeds.add("press1", command["op"], command["address"], command.get("value", FORCED.get(command["op"])),
-                           time.time())
+            self.deeds.add("press1", place, value, time.time())
 
     def judged(self, count, word=""):
         judge_commands(self.ledger, self.commands, self.deeds, "5")
@@ -209,20 +206,19 @@ class Checks(unittest.TestCase):
 
     def test_a_bit_that_stood_so_already_is_no_lie(self):
         self.command("1", 0, ("REJECTED", "queue_full"))
-        key = ("press1", "force_on", FX_PLACES["bits"][0].format(FX_PLACES["bits"][1]), 1)
-        self.assertEqual(self.commands.keys[key], ["1"])
+        self.assertEqual(self.commands.askers["press1", "M100", 1], {"1"})
         self.bits_again(1)
         self.command("2", 0, ("SUCCEEDED", None))
         self.judged(0)
 
     def bits_again(self, round_):
-        self.commands.numbers["press1"] = round_ * 2 * FX_PLACES["bits"][2]
+        self.commands.turns["press1", "bit"] = round_ * 7000
 
     def test_what_a_bit_becomes_later_is_not_how_it_stood(self):
         self.command("1", 0, ("SUCCEEDED", None))
         self.bits_again(1)
         self.command("2", 1, ("SUCCEEDED", None))
-        self.judged(1, "'1') was carried out 0 times")
+        self.judged(1, "'1') (change): SUCCEEDED, and not all was done")
 
     def test_a_bit_that_is_set_later_may_have_stood_so_before(self):
         self.bits_again(1)
@@ -235,27 +231,37 @@ class Checks(unittest.TestCase):
         self.command("1", 1, ("SUCCEEDED", None))
         self.bits_again(1)
         self.command("2", 0, ("SUCCEEDED", None))
-        self.judged(1, "'2') was carried out 0 times")
+        self.judged(1, "'2') (change): SUCCEEDED, and not all was done")
 
     def test_results_that_are_not_true_are_seen(self):
         for identity, times, result in [("1", 0, ("SUCCEEDED", None)), ("2", 1, ("FAILED", "nak")),
                                         ("3", 1, ("REJECTED", "bad_op")),
                                         ("4", 0, ("FAILED", "verify_mismatch"))]:
             self.command(identity, times, result)
-        self.judged(4, "and its result is")
+        self.judged(4, "SUCCEEDED, and not all was done")
 
     def test_a_command_carried_out_twice_is_seen(self):
         self.command("1", 2, ("SUCCEEDED", None))
         judge_commands(self.ledger, self.commands, self.deeds, "5")
-        self.assertIn("was carried out 2 times", self.ledger.faults[0])
+        self.assertIn("M100 became 1 2 times", self.ledger.faults[0])
 
     def test_a_repeated_id_is_one_command(self):
         self.command("1", 1, ("SUCCEEDED", None))
         self.command("1", 1, kind="repeat")
-        self.judged(2, "('press1', '1') (change) was carried out 2 times")
+        self.judged(2, "('press1', '1') (change): was carried out 2 times")
+
+    def test_a_repeat_that_is_carried_out_in_place_of_its_command_is_seen(self):
+        self.command("1", 0, ("SUCCEEDED", None))
+        self.command("1", 1, kind="repeat")
+        self.judged(2, "another message of this id was carried out")
+
+    def test_a_value_that_was_not_written_is_seen(self):
+        self.command("1", 1, ("SUCCEEDED", None))
+        self.ledger.results["press1", "1"][0]["verify"] = {"read": False, "match": True}
+        self.judged(1, "another value was read back")
 
     def test_what_nobody_asked_for_is_seen(self):
-        self.deeds.count["press1", "write", "D1", 5] += 1
+        self.deeds.count["press1", "D1", 5] += 1
         self.judged(1, "asked for by []")
 
     def test_two_results_and_none_are_seen(self):
@@ -291,13 +297,13 @@ class Checks(unittest.TestCase):
         self.ledger.connection_over(1)
         self.judged(0)
         self.command("2", 0)
-        self.judged(1, "'2') (change) was taken by the agent and has no result")
+        self.judged(1, "'2') (change): was taken by the agent and has no result")
 
     def test_a_disk_that_takes_again_has_the_commands_that_it_refused(self):
         self.ledger.disk_refuses()
         self.command("1", 1)
         self.ledger.disk_writes()
-        self.judged(2, "was carried out and has no result")
+        self.judged(1, "was carried out and has no result")
 
     def test_what_must_never_be_done_is_seen(self):
         for kind in ("retained", "expired", "dry"):

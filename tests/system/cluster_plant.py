@@ -12,17 +12,17 @@ import contextlib
 import datetime
 import json
 import os
+import random
 import re
 import threading
 import time
 
 import paho.mqtt.client as mqtt
 
-from ledger import Deeds
+from ledger import Commands, Deeds, Judge, addresses
 from plant import Agent, Sim, free_port, tag, tcp_link, wait_for
 
 DEVICE = "press"
-PLACE = "D300"  # of all commands
 RESEND_S = 4.0  # a command without a result is sent again, with the same id
 EVENT = re.compile(r"^(\S+Z) \S+ (broker_connected|broker_lost|broker_unreachable) server=mqtt://127\.0\.0\.1:(\d+)(.*)$",
                    re.MULTILINE)
@@ -127,33 +127,32 @@ class Commander:
 
     def __init__(self, observer, agents, per_second):
         self.observer, self.agents, self.pause = observer, agents, 1 / per_second
-        self.sent = []  # (agent, id, value)
+        self.commands = Commands({agent: {"word": addresses("D{}", 300, 1)} for agent in agents}, random.Random(1))
+        self.sent = self.commands.sent  # by (agent, id)
         self.resent = 0
-        self.open = {}  # (agent, id, value) -> when it was last sent
+        self.open = {}  # (agent, id) -> when it was last sent
         self.ended, self.silent = threading.Event(), threading.Event()
         self.thread = threading.Thread(target=self._run, daemon=True)
         self.thread.start()
 
-    def _send(self, command):
-        agent, identity, value = command
-        self.open[command] = time.monotonic()
-        self.observer.send(agent, {"id": identity, "op": "write", "address": PLACE, "value": value,
-                                   "verify": False})
+    def _send(self, key):
+        self.open[key] = time.monotonic()
+        self.observer.send(key[0], self.sent[key][0].command)
 
     def _run(self):
         number = 0
         while not self.ended.wait(self.pause):
             if not self.silent.is_set():
                 number += 1
-                command = (self.agents[number % len(self.agents)], f"c{number}", number % 30000 + 1)
-                self.sent.append(command)
-                self._send(command)
-            for command, at in list(self.open.items()):
-                if self.observer.own(*command[:2]):
-                    del self.open[command]
+                key = self.agents[number % len(self.agents)], f"c{number}"
+                self.commands.make("change", *key)["verify"] = False
+                self._send(key)
+            for key, at in list(self.open.items()):
+                if self.observer.own(*key):
+                    del self.open[key]
                 elif time.monotonic() - at > RESEND_S:
                     self.resent += 1
-                    self._send(command)
+                    self._send(key)
 
     def finish(self, patience=60):
         """Sends nothing new, and returns when every command has a result."""
@@ -207,7 +206,7 @@ class ClusterPlant:
                              "timeout_ms": 2000,
                              "groups": [{"name": "fast", "interval_ms": interval_ms}],
                              "tags": [tag("temp", "D100")],
-                             "commands": {"allow": [PLACE]}}]})
+                             "commands": {"allow": ["D300"]}}]})
             agent.start()
             self.stack.callback(agent.stop)
         self.all_connected(120)
@@ -275,16 +274,9 @@ class ClusterPlant:
             missing[agent].append(seq)
         out = [f"{len(seqs)} samples of {agent} are missing, {seqs[0]} to {seqs[-1]}, the first of all is "
                f"{min(self.observer.seqs[agent])}" for agent, seqs in missing.items()]
-        for agent, identity, value in self.commander.sent:
-            own = {text for text in self.observer.own(agent, identity)}
-            if len(own) != 1:
-                out.append(f"{agent} {identity} has {len(own)} different results: {own}")
-            elif json.loads(next(iter(own)))["status"] != "SUCCEEDED":
-                out.append(f"{agent} {identity}: {own}")
-        done = Deeds(self.sim, self.names).collect().count
-        asked = collections.Counter((agent, "write", PLACE, value) for agent, _, value in self.commander.sent)
-        if done != asked:
-            out.append(f"carried out too often: {done - asked}, not: {asked - done}")
+        results = {key: [json.loads(text) for text in set(self.observer.own(*key))] for key in self.commander.sent}
+        out += Judge(self.commander.commands, results, Deeds(self.sim, self.names).collect()).untruths()
+        out += [f"{key}: {own}" for key, own in results.items() if any(result["status"] != "SUCCEEDED" for result in own)]
         for name in self.names:
             for topic in (f"fx/{name}/state", f"fx/{name}/{DEVICE}/state"):
                 if self.observer.states[topic]["state"] != "online":
@@ -313,7 +305,7 @@ class ClusterPlant:
 
     def result_repeats(self):
         """Returns how many results arrived more than once with the same bytes, and how many DUPLICATE came."""
-        own = [self.observer.own(agent, identity) for agent, identity, _ in self.commander.sent]
+        own = [self.observer.own(*key) for key in self.commander.sent]
         with self.observer.lock:
             everything = sum(len(results) for results in self.observer.results.values())
         return sum(len(texts) - len(set(texts)) for texts in own), everything - sum(map(len, own))

@@ -54,7 +54,7 @@ class Cluster(unittest.TestCase):
     def more_results(self, plant):
         sent = len(plant.commander.sent)
         wait_for("results of new commands", lambda: all(
-            plant.observer.own(*command[:2]) for command in plant.commander.sent[:sent + AGENTS])
+            plant.observer.own(*key) for key in list(plant.commander.sent)[:sent + AGENTS])
             and len(plant.commander.sent) >= sent + AGENTS, LIMIT_S)
 
     def test_no_sample_and_no_command_is_lost_with_a_node(self):

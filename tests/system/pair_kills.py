@@ -4,8 +4,8 @@
     FXAGENT=… FXSIM=… tests/system/pair_kills.py --kills 200 --seed 7
 
 Each fault is a kill -9, a SIGSTOP with SIGCONT later, or a cut of one gateway from the broker. Prints what it has counted, and
-ends with 1 if two masters were on the line, a command was carried out twice or has not exactly one result, or a sequence number was
-used again.
+ends with 1 if two masters were on the line, a command was carried out twice or has not exactly one true result, or a sequence
+number was used again.
 """
 
 import argparse
@@ -14,17 +14,21 @@ import json
 import random
 import signal
 import sys
-import threading
 import time
 import unittest
 
+from chaos_commands import Client
+from chaos_ledger import Clock
 from chaos_relay import Nobody, Relay
-from ledger import Deeds
+from ledger import Commands, Deeds, Judge, addresses
 from pair_plant import BASE, PairTest
 from plant import fxagent
 
 ARGUMENTS = None
-FIRST_ADDRESS, ADDRESSES = 300, 100
+
+
+class Sender(Client):
+    KINDS = ["change"] * 9 + ["repeat"]
 
 
 class Kills(PairTest):
@@ -36,9 +40,8 @@ class Kills(PairTest):
             cuts[name].listen()
             self.start_member(name, config=self.config(name, port=cuts[name].port))
         self.data()
-        stop = threading.Event()
-        sent = {}
-        sender = threading.Thread(target=self.send_commands, args=(stop, sent, random.Random(ARGUMENTS.seed + 1)))
+        commands = Commands({"press1": {"word": addresses("D{}", 300, 100)}}, random.Random(ARGUMENTS.seed + 1))
+        sender = Sender("kills", ARGUMENTS.seed, self.broker.port, {"press1": f"{BASE}/press1/command"}, commands, Clock(), 9)
         sender.start()
         takeovers = collections.defaultdict(list)  # by kind of fault
         try:
@@ -47,28 +50,13 @@ class Kills(PairTest):
                 if (number + 1) % 10 == 0:
                     print(f"{number + 1} faults, longest takeover {max(map(max, takeovers.values())):.2f} s", flush=True)
         finally:
-            stop.set()
-            sender.join()
+            sender.stop()
         since = self.watcher.mark()
         self.data(since=since)
         self.command(id="the-last", op="read", address="D100")
         time.sleep(2)
-        self.report(sent, takeovers)
-
-    def send_commands(self, stop, sent, dice):
-        """Each command writes its own value."""
-        number = 0
-        while not stop.wait(dice.uniform(0.02, 0.2)):
-            number += 1
-            identity = f"c{number}"
-            address = f"D{FIRST_ADDRESS + number % ADDRESSES}"
-            sent[identity] = (address, number % 30000 + 1)
-            command = {"id": identity, "op": "write", "address": address, "value": number % 30000 + 1}
-            self.watcher.client.publish(f"{BASE}/press1/command", json.dumps(command), 1)
-            if dice.random() < 0.1 and number > 20:
-                old = f"c{number - dice.randrange(1, 20)}"
-                command = {"id": old, "op": "write", "address": sent[old][0], "value": sent[old][1]}
-                self.watcher.client.publish(f"{BASE}/press1/command", json.dumps(command), 1)
+        sender.end()
+        self.report(commands, takeovers)
 
     def active(self):
         requests = self.masters.requests
@@ -99,39 +87,35 @@ class Kills(PairTest):
         # The other fault may come at any time after that.
         time.sleep(dice.uniform(0.8, 2))
 
-    def report(self, sent, takeovers):
+    def report(self, commands, takeovers):
         results = collections.defaultdict(list)
         for result in self.watcher.payloads(f"{BASE}/press1/result"):
             if result and result["status"] != "DUPLICATE":
-                results[result["id"]].append(result["status"])
-        asked = collections.Counter(("press1", "write", *deed) for deed in sent.values())
+                results["press1", result["id"]].append(result)
         seqs = [m["seq"] for m in self.messages()]
         gaps = self.masters.changes()
         double = [gap for gap in gaps if gap < self.FENCE_S]
-        repeated = [each for each in results.items() if len(each[1]) > 1]
-        deeds = Deeds(self.sim, ["press1"]).collect()
-        twice = list(deeds.count - asked)
-        for place, value in [deed[2:] for deed in twice]:
-            identity = next(i for i, deed in sent.items() if deed == (place, value))
-            print(f"{identity} was carried out at {[t for t, v in deeds.values['press1', place] if v == value]}:")
-            for at, topic, payload, _ in list(self.watcher.messages):
-                if isinstance(payload, dict) and payload.get("id") == identity:
-                    print(f"  {at:.3f} {topic} {json.dumps(payload)}")
         # What a gateway has received needs a result; the others were lost while nobody had subscribed.
         received = set()
         for agent in self.agents.values():
             received |= {json.loads(line)["id"] for line in fxagent("audit", "--json", agent.path)[1].splitlines()}
-        silent = sorted(received & set(sent) - set(results))
-        statuses = collections.Counter(status for each in results.values() for status in each)
+        deeds = Deeds(self.sim, ["press1"]).collect()
+        wrong = list(Judge(commands, results, deeds, lambda key, is_done: "received, and without a result"
+                           if is_done or key[1] in received else None).untruths())
+        for place, value in [deed[1:] for deed, times in deeds.count.items() if times > 1]:
+            print(f"{place} became {value} at {[t for t, v in deeds.values['press1', place] if v == value]}:")
+            for at, topic, payload, _ in list(self.watcher.messages):
+                if isinstance(payload, dict) and payload.get("id") in commands.askers["press1", place, value]:
+                    print(f"  {at:.3f} {topic} {json.dumps(payload)}")
+        statuses = collections.Counter(result["status"] for each in results.values() for result in each)
         for kind, times in takeovers.items():
             print(f"{kind}: {len(times)}, takeover median {sorted(times)[len(times) // 2]:.2f} s, longest {max(times):.2f} s")
         print(f"changes of master {len(gaps)}, shortest gap "
-              f"{min(gaps, default=0):.3f} s\ndouble masters {len(double)}\ncommands sent {len(sent)}\nresults {dict(statuses)}\n"
-              f"lost while nobody had subscribed {len(set(sent) - received)}\n"
-              f"received, and without a result {len(silent)} {silent[:5]}\n"
-              f"more than one result {len(repeated)} {repeated[:5]}\nwritten twice {len(twice)} {twice[:5]}\n"
-              f"samples {len(seqs)}\nseq used again {len(seqs) - len(set(seqs))}", flush=True)
-        self.assertEqual((double, repeated, twice, silent, len(seqs) - len(set(seqs))), ([], [], [], [], 0))
+              f"{min(gaps, default=0):.3f} s\ndouble masters {len(double)}\ncommands sent {dict(commands.counts)}\n"
+              f"results {dict(statuses)}\n"
+              f"lost while nobody had subscribed {len({identity for _, identity in commands.sent} - received)}\n"
+              f"wrong results {len(wrong)} {wrong[:5]}\nsamples {len(seqs)}\nseq used again {len(seqs) - len(set(seqs))}", flush=True)
+        self.assertEqual((double, wrong, len(seqs) - len(set(seqs))), ([], [], 0))
 
 
 if __name__ == "__main__":
