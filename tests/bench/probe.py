@@ -8,12 +8,11 @@ import os
 import select
 import socket
 import struct
+import sys
 import time
 
-
-def _text(value):
-    raw = value.encode()
-    return struct.pack("!H", len(raw)) + raw
+sys.path.insert(0, os.path.join(os.path.dirname(__file__), "..", "support"))
+from mqtt_packets import CONNACK, CONNECT, PUBLISH, SUBACK, SUBSCRIBE, Packets, packet, text, text_at
 
 
 class Mqtt:
@@ -22,74 +21,47 @@ class Mqtt:
     def __init__(self, port, name):
         self.socket = socket.create_connection(("127.0.0.1", port))
         self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self.buffer = b""
+        self.received = Packets()
         self.packet_id = 0
-        self._send(0x10, _text("MQTT") + bytes([4, 2]) + struct.pack("!H", 0) + _text(name))
-        assert self._packet(10)[0] == 0x20, "no CONNACK"
-
-    def _send(self, head, body):
-        length, left = b"", len(body)
-        while True:
-            length += bytes([left % 128 | (0x80 if left > 127 else 0)])
-            left //= 128
-            if left == 0:
-                break
-        self.socket.sendall(bytes([head]) + length + body)
-
-    def _parse(self):
-        length, shift, at = 0, 0, 1
-        while True:
-            if at >= len(self.buffer):
-                return None
-            byte = self.buffer[at]
-            length |= (byte & 0x7F) << shift
-            shift += 7
-            at += 1
-            if byte < 128:
-                break
-        if len(self.buffer) < at + length:
-            return None
-        packet = (self.buffer[0], self.buffer[at:at + length])
-        self.buffer = self.buffer[at + length:]
-        return packet
+        self.socket.sendall(packet(CONNECT, text("MQTT") + bytes([4, 2, 0, 0]) + text(name)))
+        assert self._packet(10)[0] == CONNACK, "no CONNACK"
 
     def _packet(self, patience):
         """Returns the next packet, or None after `patience` seconds."""
         deadline = time.monotonic() + patience
         while True:
-            packet = self._parse()
-            if packet:
-                return packet
+            found = self.received.take()
+            if found:
+                return found
             left = max(0.0, deadline - time.monotonic())
             if not select.select([self.socket], [], [], left)[0]:
                 return None
             more = self.socket.recv(262144)
             if not more:
                 raise ConnectionError("the broker closed the connection")
-            self.buffer += more
+            self.received.add(more)
 
     def subscribe(self, topic):
         self.packet_id += 1
-        self._send(0x82, struct.pack("!H", self.packet_id) + _text(topic) + b"\0")
-        while self._packet(10)[0] & 0xF0 != 0x90:
+        self.socket.sendall(packet(SUBSCRIBE, struct.pack("!H", self.packet_id) + text(topic) + b"\0", 2))
+        while self._packet(10)[0] != SUBACK:
             pass
 
     def publish(self, topic, payload):
         self.packet_id = self.packet_id % 65535 + 1
-        self._send(0x32, _text(topic) + struct.pack("!H", self.packet_id) + payload.encode())
+        self.socket.sendall(packet(PUBLISH, text(topic) + struct.pack("!H", self.packet_id) + payload.encode(), 2))
 
     def message(self, patience):
         """Returns (topic, payload, time of arrival) of the next message, or None if none arrives in time."""
         deadline = time.monotonic() + patience
         while True:
-            packet = self._packet(max(0.0, deadline - time.monotonic()))
-            if packet is None:
+            found = self._packet(max(0.0, deadline - time.monotonic()))
+            if found is None:
                 return None
-            head, body = packet
-            if head & 0xF0 != 0x30:
-                continue
-            (size,) = struct.unpack("!H", body[:2])
-            return body[2:2 + size].decode(), body[2 + size:], time.monotonic()
+            kind, _, body = found
+            if kind == PUBLISH:
+                topic, at = text_at(body, 0)
+                return topic.decode(), body[at:], time.monotonic()
 
 
 class Control:

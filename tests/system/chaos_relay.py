@@ -4,53 +4,15 @@ report what passed: an observer independent of agent and broker.
 
 import asyncio
 import collections
+import os
 import socket
 import struct
+import sys
 
 import relays
 
-CONNECT, CONNACK, PUBLISH, PUBACK = 1, 2, 3, 4
-
-
-class Packets:
-    """Splits a stream of bytes into MQTT control packets: (type, flags, body)."""
-
-    def __init__(self):
-        self.rest = b""
-
-    def feed(self, data):
-        self.rest += data
-        while True:
-            packet = self._next()
-            if packet is None:
-                return
-            yield packet
-
-    def _next(self):
-        length = varint(self.rest, 1)
-        if length is None or len(self.rest) < length[1] + length[0]:
-            return None
-        value, start = length
-        packet = (self.rest[0] >> 4, self.rest[0] & 15, self.rest[start:start + value])
-        self.rest = self.rest[start + value:]
-        return packet
-
-
-def varint(data, at):
-    """Returns (value, next position) of a variable byte integer, or None if it is incomplete."""
-    value = 0
-    for place in range(4):
-        if at + place >= len(data):
-            return None
-        value |= (data[at + place] & 127) << (7 * place)
-        if data[at + place] < 128:
-            return value, at + place + 1
-    raise ValueError("no MQTT: a length of more than four bytes")
-
-
-def text_at(data, at):
-    length, = struct.unpack_from(">H", data, at)
-    return data[at + 2:at + 2 + length], at + 2 + length
+sys.path.insert(0, os.path.join(os.path.dirname(__file__), "..", "support"))
+from mqtt_packets import CONNACK, CONNECT, PUBACK, PUBLISH, Packets, length_at, text_at
 
 
 class Tap:
@@ -101,7 +63,7 @@ class Tap:
             packet_id, = struct.unpack_from(">H", body, at)
             at += 2
         if self.version == 5:
-            length, at = varint(body, at)
+            length, at = length_at(body, at)
             at += length
         return topic.decode(), packet_id, body[at:]
 

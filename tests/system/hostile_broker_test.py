@@ -30,8 +30,9 @@ import unittest
 from hostile_guest import (BACK_S, BOTH, COMMAND, CONNACKS_311, CONNACKS_5, CONNECT_S, DISCONNECTS, GUARD_S, SLACK_S,
                            Guest, HostileCases, deed, in_flight, mid_stream, on_subscribe, welcome, with_commands)
 from plant import BASE, Broker, PlantTest, Watcher, wait_for, write_text
-from scripted_broker import (AUTH, CONNACK, CONNECT, DISCONNECT, PINGRESP, PUBACK, PUBCOMP, PUBLISH, PUBREC, PUBREL,
-                             SUBACK, SUBSCRIBE, UNSUBACK, UNSUBSCRIBE, Script, length, packet, reason_string, text)
+from mqtt_packets import (AUTH, CONNACK, CONNECT, DISCONNECT, PINGRESP, PUBACK, PUBCOMP, PUBLISH, PUBREC, PUBREL, SUBACK,
+                          SUBSCRIBE, UNSUBACK, UNSUBSCRIBE, length, packet, text)
+from scripted_broker import Script, reason_string
 
 
 class HostileBroker(HostileCases):

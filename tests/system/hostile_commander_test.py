@@ -11,7 +11,7 @@ import time
 import unittest
 
 from plant import BASE, PATIENCE, PlantTest, memory_kib, wait_for
-from scripted_broker import CONNECT, PUBLISH, length, packet, text
+from mqtt_packets import CONNECT, PUBLISH, length, packet, text
 
 MIB = 1 << 20
 

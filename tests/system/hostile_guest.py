@@ -12,7 +12,8 @@ import unittest
 
 from broker_test import certificates
 from plant import BASE, FXAGENT, MEMORY_FACTOR, config_file, device, memory_kib, text_of
-from scripted_broker import PUBACK, PUBLISH, Script, ScriptedBroker
+from mqtt_packets import PUBACK, PUBLISH
+from scripted_broker import Script, ScriptedBroker
 
 BOTH = ("5", "3.1.1")
 COMMAND = f"{BASE}/press1/command"

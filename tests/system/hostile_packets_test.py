@@ -10,7 +10,8 @@ import unittest
 from hostile_guest import (BACK_S, BOTH, COMMAND, CONNECT_S, ENDS_S, RESULT, SLACK_S, Guest, HostileCases, deed,
                            mid_stream, on_subscribe, welcome)
 from plant import BASE, MEMORY_FACTOR, memory_kib
-from scripted_broker import PUBACK, PUBREC, SUBACK, Script, length, packet, text
+from mqtt_packets import PUBACK, PUBREC, SUBACK, length, packet, text
+from scripted_broker import Script
 
 
 class HostilePackets(HostileCases):

@@ -8,7 +8,8 @@ import unittest
 
 from broker_test import tls_conf
 from plant import BASE, PlantTest, device, free_port, frozen, read_text, tag, tcp_link, wait_for
-from scripted_broker import PINGRESP, Script, ScriptedBroker, packet
+from mqtt_packets import PINGRESP, packet
+from scripted_broker import Script, ScriptedBroker
 
 # From the last packet on the connection to the next.
 SILENCES_MS = range(900, 1200, 10)

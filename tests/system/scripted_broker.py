@@ -21,36 +21,19 @@ None stands for the correct answer. Later the test may send packets from its own
 
 import contextlib
 import dataclasses
+import os
 import socket
 import struct
+import sys
 import threading
 import time
 from typing import Callable, Optional
 
-CONNECT, CONNACK, PUBLISH, PUBACK, PUBREC, PUBREL, PUBCOMP, SUBSCRIBE, SUBACK, UNSUBSCRIBE, UNSUBACK, \
-    PINGREQ, PINGRESP, DISCONNECT, AUTH = range(1, 16)
+sys.path.insert(0, os.path.join(os.path.dirname(__file__), "..", "support"))
+from mqtt_packets import (CONNACK, CONNECT, DISCONNECT, PINGREQ, PINGRESP, PUBACK, PUBCOMP, PUBLISH, PUBREC, PUBREL, SUBACK,
+                          SUBSCRIBE, UNSUBACK, UNSUBSCRIBE, Packets, length, length_at, packet, text)
 
 PATIENCE = 30.0
-
-
-def text(words):
-    """A length and UTF-8, or the bytes unchanged."""
-    raw = words if isinstance(words, bytes) else words.encode()
-    return struct.pack(">H", len(raw)) + raw
-
-
-def length(value):
-    """A variable byte integer."""
-    out = bytearray()
-    while True:
-        value, digit = divmod(value, 128)
-        out.append(digit | (0x80 if value else 0))
-        if not value:
-            return bytes(out)
-
-
-def packet(kind, body=b"", flags=0):
-    return bytes([kind << 4 | flags]) + length(len(body)) + body
 
 
 def reason_string(words):
@@ -101,6 +84,7 @@ class Session:
         self.packets = []        # all received packets, in order
         self.closed = None       # when either side closed
         self.version = 0
+        self.received = Packets()
         self.reading = threading.Event()
         self.reading.set()
         self.writing = threading.Lock()
@@ -248,30 +232,15 @@ class Session:
             script.disconnect(self, got)
 
     def _read(self):
-        head = self._exactly(1)
-        if head is None:
-            return None
-        size, shift = 0, 0
         while True:
-            digit = self._exactly(1)
-            if digit is None:
-                return None
-            size |= (digit[0] & 0x7F) << shift
-            shift += 7
-            if not digit[0] & 0x80:
-                break
-        body = self._exactly(size)
-        return None if body is None else self._parse(head[0] >> 4, head[0] & 15, body)
-
-    def _exactly(self, count):
-        out = bytearray()
-        while len(out) < count:
             self.reading.wait()
-            got = self.connection.recv(count - len(out))
-            if not got:
+            got = self.received.take()
+            if got is not None:
+                return self._parse(*got)
+            data = self.connection.recv(65536)
+            if not data:
                 return None
-            out += got
-        return bytes(out)
+            self.received.add(data)
 
     def _parse(self, kind, flags, body):
         out = Packet(kind, flags, body, time.monotonic())
@@ -287,14 +256,8 @@ class Session:
 
         def skip_properties():
             if self.version == 5:
-                size, shift = 0, 0
-                while True:
-                    digit = take(1)[0]
-                    size |= (digit & 0x7F) << shift
-                    shift += 7
-                    if not digit & 0x80:
-                        break
-                take(size)
+                size, start = length_at(body, at)
+                take(start - at + size)
 
         if kind == CONNECT:
             take(number())
