@@ -3,7 +3,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <type_traits>
 #include <utility>
 #include <variant>
 
@@ -24,10 +23,6 @@ using std::chrono::seconds;
 // The broker keeps the member session for this time, so that a gateway that is restarted misses
 // neither an announced command nor a result.
 constexpr seconds kKeepSession{3600};
-constexpr milliseconds kReconnect{500};
-constexpr seconds kLongestPause{60};
-constexpr int kMostDoublings = 6;
-constexpr seconds kSteady{10};  // a session that lasts so long is not being taken over
 constexpr milliseconds kFarewell{1000};
 constexpr milliseconds kShortestWait{2};
 constexpr milliseconds kLongestWait{200};
@@ -38,9 +33,6 @@ constexpr std::uint64_t kReserve = 1'000'000;
 // which would otherwise wait behind a burst of commands.
 constexpr std::uint32_t kMostOnTheWay = 20;
 constexpr std::uint32_t kForHeartbeats = 4;
-constexpr const char* kNotKnown =
-    "commands that the other gateway announced before are not known here; repeat none of them "
-    "after a takeover";
 constexpr int kMostClaims = 4;  // times `quiet` until a claim without its mark is given up
 
 MqttConfig settings_with(const MqttConfig& mqtt, const std::string& suffix) {
@@ -178,12 +170,14 @@ void PairMember::run(const std::stop_token& stop) {
     const std::lock_guard lock(mutex_);
     wake();
   };
-  member_ = std::make_unique<PahoBroker>(
-      settings_with(config_.mqtt, "-pair-" + pair_.member), [this] { return offline_status(); },
-      notify, pair_messages::kLongestText, kKeepSession);
+  member_.emplace(
+      std::make_unique<PahoBroker>(
+          settings_with(config_.mqtt, "-pair-" + pair_.member), [this] { return offline_status(); },
+          notify, pair_messages::kLongestText, kKeepSession),
+      config_.mqtt.servers.size(), config_.base_topic(), peers_);
   lease_ = std::make_unique<PahoBroker>(settings_with(config_.mqtt, "-pair"), MakeWill{}, notify);
   evicting_ = std::make_unique<PahoBroker>(config_.mqtt, MakeWill{}, notify);
-  member_->connect(server_, kReceiveMaximum);
+  member_->keep(boot_time_now());
   log_changes(boot_time_now());
   std::optional<BootTime> leave_by;
   while (!stop.stop_requested()) {
@@ -203,11 +197,11 @@ void PairMember::run(const std::stop_token& stop) {
     if (leaving_ && !leave_by) {
       leave_by = now + kFarewell;
       lease_->disconnect();
-      farewell_ = publish(*member_, offline_status());
+      farewell_ = publish(member_->broker(), offline_status());
     }
     keep(now);
     if (!leave_by || (farewell_ != 0 && now < *leave_by)) continue;
-    member_->disconnect();
+    member_->broker().disconnect();
     break;
   }
   const std::lock_guard lock(mutex_);
@@ -238,14 +232,7 @@ void PairMember::keep(BootTime now) {
     else
       log::error("pair", {{"fault", next.text}});
   }
-  if (!member_up_ && connect_at_ != BootTime{} && now >= connect_at_) {
-    connect_at_ = {};
-    member_->connect(server_, kReceiveMaximum);
-  }
-  if (member_up_ && subscribe_at_ && now >= *subscribe_at_) {
-    ++refusals_;
-    subscribe();
-  }
+  member_->keep(now);
   send_journal(now);
   if (journal_) journal_->upkeep(std::chrono::steady_clock::now());
 }
@@ -258,81 +245,33 @@ void PairMember::send_journal(BootTime now) {
     answered.swap(answered_);
   }
   for (JournalEntry& entry : answered)
-    publish_in_journal(*member_, pair_messages::announcement(
-                                     {.boot = boot_, .answered = true, .entry = std::move(entry)}));
+    publish_in_journal(
+        member_->broker(),
+        pair_messages::announcement({.boot = boot_, .answered = true, .entry = std::move(entry)}));
   // An active agent publishes the results itself.
-  if (!journal_ || !member_up_ || announcing_ != 0) return;
+  if (!journal_ || !member_->is_up() || announcing_ != 0) return;
   auto left = journal_->next_unanswered(now);
   if (!left) return;
   pair_messages::Announcement announcement{
       .boot = boot_, .unanswered = true, .entry = std::move(*left)};
   announcement.id_is_number = parse_command(announcement.entry.payload).id_is_number;
-  announcing_ = publish_in_journal(*member_, pair_messages::announcement(announcement));
+  announcing_ = publish_in_journal(member_->broker(), pair_messages::announcement(announcement));
 }
 
 void PairMember::take_member_events(BootTime now) {
-  const auto again = [&](BootTime pause) {
-    member_up_ = false;
-    server_ = (server_ + 1) % config_.mqtt.servers.size();
-    connect_at_ = now + pause;
-  };
-  const auto take = [&](const auto& event) {
-    using Event = std::remove_cvref_t<decltype(event)>;
-    if constexpr (std::is_same_v<Event, Connected>) {
-      member_up_ = true;
-      member_since_ = now;
+  member_->take_events(now, [&](const BrokerEvent& event) {
+    const auto is_over = [&](std::uint64_t id) {
+      if (id == farewell_) farewell_ = 0;
+      if (id == announcing_) announcing_ = 0;
+    };
+    if (std::holds_alternative<Connected>(event)) {
       announcing_ = 0;
       if (journal_) journal_->connection_began();
-      heard_all_ = heard_all_ && event.session_present;
-      missed_ = missed_ || !event.session_present;
-      for (const std::string_view heard : kPairTopics)
-        unheard_.insert(config_.base_topic() + "/" + std::string(heard));
-      refusals_ = 0;
-      subscribe();
-    } else if constexpr (std::is_same_v<Event, Subscribed>) {
-      if (event.granted) {
-        if (unheard_.erase(event.filter) == 0 || !unheard_.empty()) return;
-        if (std::exchange(missed_, false))
-          log::warn("pair", {{"session", "new"}, {"note", kNotKnown}});
-        return peers_.joined(now);
-      }
-      heard_all_ = false;
-      missed_ = true;
-      subscribe_at_ = now + std::min<BootTime>(seconds(1 << std::min(refusals_, kMostDoublings)),
-                                               kLongestPause);
-      if (refusals_ == 0)
-        log::error("pair", {{"fault", "the broker refuses the subscription to " + event.filter +
-                                          "; see fxagent acl"}});
-    } else if constexpr (std::is_same_v<Event, ConnectFailed>) {
-      log::warn("pair", {{"broker", "unreachable"}, {"reason", event.text}});
-      again(kReconnect);
-    } else if constexpr (std::is_same_v<Event, Lost>) {
-      const bool taken_over = event.reason_code == kSessionTakenOver;
-      thrown_ = taken_over || now - member_since_ < kSteady ? thrown_ + 1 : 0;
-      peers_.left(taken_over);
-      const BootTime pause = taken_over ? BootTime(seconds(1)) : BootTime(kReconnect);
-      again(
-          std::min<BootTime>(pause * (1 << std::min(thrown_, kMostDoublings)) / 2, kLongestPause));
-    } else if constexpr (std::is_same_v<Event, Message>) {
-      hear(event, now);
-    } else if constexpr (std::is_same_v<Event, Delivered> ||
-                         std::is_same_v<Event, DeliveryFailed>) {
-      if (event.id == farewell_) farewell_ = 0;
-      if (event.id == announcing_) announcing_ = 0;
     }
-  };
-  for (const BrokerEvent& event : member_->take_events()) std::visit(take, event);
-}
-
-/// Subscribes to what the broker has not granted. With QoS 0 it queues nothing while this session
-/// is away. Queued statuses would name gateways that have ended.
-void PairMember::subscribe() {
-  subscribe_at_.reset();
-  for (const std::string_view heard : kPairTopics) {
-    const bool queues = heard.ends_with("/journal") || heard.ends_with("/result");
-    const std::string filter = config_.base_topic() + "/" + std::string(heard);
-    if (unheard_.contains(filter)) member_->subscribe({.filter = filter, .qos = queues ? 1 : 0});
-  }
+    if (const auto* message = std::get_if<Message>(&event)) hear(*message, now);
+    if (const auto* done = std::get_if<Delivered>(&event)) is_over(done->id);
+    if (const auto* failure = std::get_if<DeliveryFailed>(&event)) is_over(failure->id);
+  });
 }
 
 void PairMember::hear(const Message& message, BootTime now) {
@@ -449,10 +388,11 @@ void PairMember::save_heard(const std::string& where, const std::string& text) {
 /// then.
 void PairMember::end_member_session() {
   take_member_events(boot_time_now());
-  if (!member_->is_connected()) return;
+  Broker& broker = member_->broker();
+  if (!broker.is_connected()) return;
   const BootTime patience = boot_time_now() + kFarewell;
   const auto wait_while = [&](const auto& goes_on) {
-    while (member_->is_connected() && goes_on() && boot_time_now() < patience) {
+    while (broker.is_connected() && goes_on() && boot_time_now() < patience) {
       std::unique_lock lock(mutex_);
       news_.wait_for(lock, kShortestWait, [this] { return woken_; });
       woken_ = false;
@@ -460,9 +400,9 @@ void PairMember::end_member_session() {
       take_member_events(boot_time_now());
     }
   };
-  farewell_ = publish(*member_, offline_status());
+  farewell_ = publish(broker, offline_status());
   wait_while([this] { return farewell_ != 0; });
-  member_->disconnect();
+  broker.disconnect();
   wait_while([] { return true; });
   take_member_events(boot_time_now());
 }
@@ -497,12 +437,12 @@ void PairMember::go_on_with_claim(BootTime now) {
     return drop_lease(now);
   if (claim_ == Claim::none) {
     claim_ = Claim::evicting;
-    evicting_->connect(server_, kReceiveMaximum);
+    evicting_->connect(member_->server(), kReceiveMaximum);
   }
   if (claim_ != Claim::marked) return;
   claim_ = Claim::claimed;
   // Results that the other gateway published may not have come here.
-  if (!heard_all_ && peers_.other_held_last()) journal_->acknowledge_own_commands();
+  if (!member_->heard_all() && peers_.other_held_last()) journal_->acknowledge_own_commands();
   auto unwritten = journal_->close();
   journal_.reset();
   state_.has_claimed(boot_time_now());
@@ -522,7 +462,7 @@ void PairMember::carry_out(PairState::Action action, BootTime now) {
     case PairState::Action::publish_status:
       return publish_status();
     case PairState::Action::connect_lease:
-      return lease_->connect(server_, kReceiveMaximum);
+      return lease_->connect(member_->server(), kReceiveMaximum);
     case PairState::Action::drop_lease:
       return drop_lease(now);
     case PairState::Action::send_heartbeat: {
@@ -548,7 +488,7 @@ void PairMember::publish_status() {
                           .why = state_.why(),
                           .peer = peers_.peer(),
                           .since_ms = state_.since() == BootTime{} ? now_ms : now_ms - age.count()};
-  publish(*member_, retained(topic(), pair_messages::status(status)));
+  publish(member_->broker(), retained(topic(), pair_messages::status(status)));
 }
 
 void PairMember::log_changes(BootTime now) {

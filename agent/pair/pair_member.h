@@ -3,8 +3,8 @@
 // gateway is on standby, it keeps the journal of the active one in its own store.
 //
 // The sessions:
-// * the member session, with the client id of this gateway: hears the other one, the commands that
-//   it announces and their results;
+// * MemberSession, with the client id of this gateway: hears the other one, the commands that it
+//   announces and their results;
 // * the lease session, with the client id of the pair: only the holder has it.
 //
 // If the lease session ends while the agent runs, the process restarts itself: no state of the old
@@ -20,7 +20,6 @@
 #include <memory>
 #include <mutex>
 #include <optional>
-#include <set>
 #include <string>
 #include <thread>
 #include <vector>
@@ -29,6 +28,7 @@
 #include "agent/config/model.h"
 #include "agent/handover/line_permit.h"
 #include "agent/pair/announcements.h"
+#include "agent/pair/member_session.h"
 #include "agent/pair/pair_messages.h"
 #include "agent/pair/pair_state.h"
 #include "agent/pair/standby_journal.h"
@@ -99,7 +99,6 @@ class PairMember final {
   void take_lease_events(BootTime now);
   void take_evicting_events(BootTime now);
   void drop_lease(BootTime now);
-  void subscribe();
   void hear(const Message& message, BootTime now);
   void hear_announcement(pair_messages::Announcement announcement, const std::string& member,
                          const std::string& topic);
@@ -141,21 +140,10 @@ class PairMember final {
   PairRole logged_ = PairRole::claiming;
   std::optional<std::string> logged_peer_;
   std::unique_ptr<StandbyJournal> journal_;  ///< until this gateway has claimed the pair
-  std::unique_ptr<Broker> member_;
+  std::optional<MemberSession> member_;      ///< from the first round on
   std::unique_ptr<Broker> lease_;
   std::unique_ptr<Broker> evicting_;  ///< the session of the agent, to end that of the other one
-  std::size_t server_ = 0;
-  bool member_up_ = false;
-  /// The broker has kept the member session since the last process, and refused no subscription.
-  bool heard_all_ = true;
-  bool missed_ = false;            ///< it may lack announcements, which is not logged yet
-  std::set<std::string> unheard_;  ///< filters that the broker has not granted in this session
-  std::optional<BootTime> subscribe_at_;  ///< to these again; nullopt: it has refused none
-  int refusals_ = 0;                      ///< rounds of subscriptions after a refusal
-  int thrown_ = 0;                        ///< times in a row that the member session was taken over
-  BootTime member_since_{};
-  BootTime connect_at_{};
-  std::size_t window_ = 0;  ///< of announcements; 0: the lease session is not connected
+  std::size_t window_ = 0;            ///< of announcements; 0: the lease session is not connected
   Claim claim_ = Claim::none;
   bool over_ = false;          ///< the lease ended while the agent stops
   std::uint64_t next_id_ = 1;  ///< of publish(); heartbeats and marks have it as their number
