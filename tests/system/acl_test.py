@@ -3,37 +3,25 @@
 import json
 import os
 import signal
-import threading
-import time
 import unittest
 
 import paho.mqtt.client as mqtt
 
-from plant import (BASE, PATIENCE, Agent, Broker, PlantTest, config_of, device, fxagent, password_file,
+from plant import (BASE, Agent, Broker, PlantTest, Watcher, config_of, device, fxagent, password_file,
                    request_properties, wait_for, write_json, write_text)
 
 NOT_AUTHORISED = 0x87
 PASSWORD = "s3cret"
 
 
-class User:
-    """An MQTT 5 client with a name and password that records received messages and reason codes."""
+class User(Watcher):
+    """A watcher with a name and password that subscribes later, and learns the reason codes of its publications."""
 
     def __init__(self, port, name):
-        self.received = []
         self.answers = {}
-        self.subscribed = threading.Event()
-        self.client = mqtt.Client(f"{name}-{time.monotonic_ns()}", protocol=mqtt.MQTTv5)
-        self.client.username_pw_set(name, PASSWORD)
-        self.client.on_message = lambda _c, _u, m: self.received.append((m.topic, m.payload))
-        self.client.on_subscribe = lambda *_: self.subscribed.set()
+        super().__init__(port, username=name, password=PASSWORD, topics="of no agent")
         # paho's Python client hides the reason code of a PUBACK.
         self.client._handle_pubackcomp = self._note_answer
-        connected = threading.Event()
-        self.client.on_connect = lambda *_: connected.set()
-        self.client.connect("127.0.0.1", port)
-        self.client.loop_start()
-        assert connected.wait(PATIENCE), name + " was not let in"
 
     def _note_answer(self, kind):
         packet = bytes(self.client._in_packet["packet"])
@@ -43,9 +31,9 @@ class User:
 
     def subscribe(self, *topics):
         for topic in topics:
-            self.subscribed.clear()
+            before = self.subscriptions
             self.client.subscribe(topic, 1)
-            assert self.subscribed.wait(PATIENCE)
+            wait_for("the SUBACK", lambda: self.subscriptions > before)
 
     def publish(self, topic, payload='{"id":"x"}', retain=False, properties=None):
         """Returns the reason code of the broker's PUBACK."""
@@ -54,17 +42,9 @@ class User:
         return wait_for("the PUBACK", lambda: sent.mid in self.answers and
                         (self.answers[sent.mid],))[0]
 
-    def got(self, topic, accept=lambda payload: True):
-        def look():
-            for seen, payload in list(self.received):
-                if seen == topic and payload and accept(json.loads(payload)):
-                    return json.loads(payload)
-            return None
-        return wait_for("a message on " + topic, look)
-
-    def close(self):
-        self.client.disconnect()
-        self.client.loop_stop()
+    def topics(self):
+        """Returns the topics of all messages so far."""
+        return [topic for _, topic, _, _ in self.messages]
 
 
 class BrokerAcl(PlantTest):
@@ -107,7 +87,7 @@ class BrokerAcl(PlantTest):
                          {key: config["mqtt"][key] for key in ("username", "password_file")})
         self.anna = self.user("anna")
         self.anna.subscribe(BASE + "/#")
-        self.anna.got(f"{BASE}/press1/state", lambda s: s["state"] == "online")
+        self.anna.wait(f"{BASE}/press1/state", lambda s: s["state"] == "online")
 
     def user(self, name):
         user = User(self.broker.port, name)
@@ -118,58 +98,56 @@ class BrokerAcl(PlantTest):
         self.start_plant()
         anna = self.anna
         for topic in ("state", "health", "press1/meta", "old/meta", "press1/data/fast"):
-            anna.got(f"{BASE}/{topic}")
+            anna.wait(f"{BASE}/{topic}")
         command = {"id": "1", "op": "force_on", "address": "M150"}
         answer_to = f"{BASE}/press1/result/anna"
         self.assertEqual(anna.publish(f"{BASE}/press1/command", command,
                                       properties=request_properties(answer_to)), 0)
         for topic in (f"{BASE}/press1/result", answer_to):
-            self.assertEqual(anna.got(topic)["status"], "SUCCEEDED")
+            self.assertEqual(anna.wait(topic)["status"], "SUCCEEDED")
         self.assertEqual(self.sim.get("press1", "M150"), 1)
         for refused in ("subscription_refused", "publish_refused", "samples_refused"):
             self.assertNotIn(refused, self.agent.logged())
 
     def test_history_the_last_will_and_the_clearing_of_former_devices_pass(self):
         self.start_plant()
-        self.anna.got(f"{BASE}/old/state")
+        self.anna.wait(f"{BASE}/old/state")
         self.broker_away()
         self.sim.wait_reads(21)
         self.broker.start()
         anna = self.user("anna")
         anna.subscribe(BASE + "/#")
-        anna.got(f"{BASE}/press1/data/fast/history")
+        anna.wait(f"{BASE}/press1/data/fast/history")
         self.assertEqual(self.agent.stop(signal.SIGKILL), -signal.SIGKILL)
-        anna.got(f"{BASE}/state", lambda s: s["state"] == "offline" and s["reason"] == "lost")
+        anna.wait(f"{BASE}/state", lambda s: s["state"] == "offline" and s["reason"] == "lost")
         self.agent.write(dict(self.agent.config, devices=[device()], links=[self.serial()]))
         self.agent.start()
-        wait_for("the empty payload", lambda: (f"{BASE}/old/state", b"") in anna.received and
-                 (f"{BASE}/old/meta", b"") in anna.received)
+        wait_for("the empty payload", lambda: None in anna.payloads(f"{BASE}/old/state") and
+                 None in anna.payloads(f"{BASE}/old/meta"))
 
     def test_the_agent_hears_its_own_states_and_puts_them_right(self):
         self.start_plant()
         forger = self.user("edge7")
         for topic in (f"{BASE}/state", f"{BASE}/press1/state", f"{BASE}/press1/meta"):
-            self.anna.got(topic)
+            self.anna.wait(topic)
             self.assertEqual(forger.publish(topic, {"forged": 1}, retain=True), 0)
-            self.anna.got(topic, lambda p: "forged" in p)
-            wait_for("the repair of " + topic, lambda: [
-                json.loads(p) for t, p in list(self.anna.received) if t == topic and p
-            ][-1].get("forged") is None)
+            self.anna.wait(topic, lambda p: "forged" in p)
+            wait_for("the repair of " + topic, lambda: "forged" not in self.anna.payloads(topic)[-1])
 
     def test_a_viewer_sees_everything_but_commands_and_may_not_command(self):
         self.start_plant()
         viktor = self.user("viktor")
         viktor.subscribe(BASE + "/#")
         for topic in ("state", "health", "press1/state", "press1/meta", "press1/data/fast"):
-            viktor.got(f"{BASE}/{topic}")
+            viktor.wait(f"{BASE}/{topic}")
         command = {"id": "v", "op": "force_on", "address": "M150"}
         self.assertEqual(viktor.publish(f"{BASE}/press1/command", command), NOT_AUTHORISED)
         for topic in ("state", "health", "press1/state", "press1/meta", "press1/data/fast",
                       "press1/result", "press1/result/x"):
             self.assertEqual(viktor.publish(f"{BASE}/{topic}"), NOT_AUTHORISED, topic)
         self.assertEqual(self.anna.publish(f"{BASE}/press1/command", dict(command, id="a")), 0)
-        self.assertEqual(viktor.got(f"{BASE}/press1/result")["id"], "a")
-        self.assertNotIn(f"{BASE}/press1/command", [topic for topic, _ in viktor.received])
+        self.assertEqual(viktor.wait(f"{BASE}/press1/result")["id"], "a")
+        self.assertNotIn(f"{BASE}/press1/command", viktor.topics())
         self.assertEqual(len(self.sim.commands("press1")), 1)
 
     def test_an_operator_commands_and_forges_nothing(self):
@@ -192,8 +170,8 @@ class BrokerAcl(PlantTest):
         self.assertEqual(anna.publish(f"{BASE}/press1/command"), 0)
         self.assertEqual(anna.publish("fx/plant-a/edge8/press1/command"), 0)
         # If the first command had come, it would have come before the second.
-        other.got("fx/plant-a/edge8/press1/command")
-        self.assertEqual({topic for topic, _ in other.received},
+        other.wait("fx/plant-a/edge8/press1/command")
+        self.assertEqual(set(other.topics()),
                          {"fx/plant-a/edge8/press1/command"})
 
     def test_a_stranger_with_a_password_sees_and_does_nothing(self):
@@ -202,9 +180,9 @@ class BrokerAcl(PlantTest):
         stranger.subscribe("#", BASE + "/#")
         for topic in (f"{BASE}/press1/command", f"{BASE}/state", "elsewhere"):
             self.assertEqual(stranger.publish(topic), NOT_AUTHORISED, topic)
-        since = len(self.anna.received)
-        wait_for("data", lambda: len(self.anna.received) > since + 3)
-        self.assertEqual(stranger.received, [])
+        since = self.anna.mark()
+        wait_for("data", lambda: self.anna.mark() > since + 3)
+        self.assertEqual(stranger.messages, [])
 
     def test_configs_come_from_the_engineer_alone(self):
         self.start_secured("--engineer", "erna", remote_config=True)
@@ -218,16 +196,16 @@ class BrokerAcl(PlantTest):
         users = {name: self.user(name) for name in ("anna", "viktor", "erna", "stranger")}
         for user in users.values():
             user.subscribe(reported)
-        users["erna"].got(reported)
+        users["erna"].wait(reported)
         document = {"version": "v1", "patch": {}}
         for name, user in users.items():
             self.assertEqual(user.publish(desired, document, retain=True),
                              0 if name == "erna" else NOT_AUTHORISED, name)
             self.assertEqual(user.publish(reported, document), NOT_AUTHORISED, name)
         for name in ("anna", "viktor", "erna"):
-            users[name].got(reported, lambda r: r["version"] == "v1" and r["state"] == "applied")
+            users[name].wait(reported, lambda r: r["version"] == "v1" and r["state"] == "applied")
         self.assertEqual(users["erna"].publish(f"{BASE}/press1/command"), NOT_AUTHORISED)
-        self.assertEqual(users["stranger"].received, [])
+        self.assertEqual(users["stranger"].messages, [])
         self.assertNotIn("refused", self.agent.logged())
 
     def test_each_gateway_of_a_pair_publishes_and_receives_what_the_other_one_needs(self):
@@ -239,9 +217,9 @@ class BrokerAcl(PlantTest):
         for topic in topics:
             self.assertEqual(gateway.publish(topic), 0, topic)
             self.assertEqual(viewer.publish(topic), NOT_AUTHORISED, topic)
-            other.got(topic)
-        viewer.got(topics[-1])
-        self.assertEqual({topic for topic, _ in viewer.received}, {topics[0], topics[-1]},
+            other.wait(topic)
+        viewer.wait(topics[-1])
+        self.assertEqual(set(viewer.topics()), {topics[0], topics[-1]},
                          "a viewer sees the status of the pair, not what the gateways tell each other")
 
     def test_names_that_cannot_stand_there_are_refused(self):

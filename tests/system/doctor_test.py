@@ -26,17 +26,21 @@ class Doctor(PlantTest):
     def station(self, station, **more):
         return device(protocol="fx-computer-link", station=station, timeout_ms=200) | more
 
+    def doctor(self, path, *arguments, status=0):
+        """Runs it, which must end with this status. Returns its output and its errors."""
+        ended, said, errors = fxagent("doctor", path, *arguments)
+        self.assertEqual(ended, status, said + errors)
+        return said, errors
+
     def assert_finds(self, path, finding, key):
         """The doctor reports the key, leaves the config alone, and is content with its copy."""
         before = text_of(path)
         fixed = path + ".fixed"
-        status, said, errors = fxagent("doctor", path, "--fix", fixed)
-        self.assertEqual(status, 4, said + errors)
+        said, _ = self.doctor(path, "--fix", fixed, status=4)
         self.assertIn(finding, said)
         self.assertIn("config: " + key + "\n", said)
         self.assertEqual(fxagent("check", fixed)[0], 0)
-        status, said, errors = fxagent("doctor", fixed)
-        self.assertEqual(status, 0, said + errors)
+        self.doctor(fixed)
         self.assertEqual(text_of(path), before)
         self.assertEqual(self.sim.commands(self.sim.plcs[0]["name"]), [])
         return fixed
@@ -72,8 +76,7 @@ class Doctor(PlantTest):
     def test_a_tag_that_the_device_lacks(self):
         self.start_sim([self.rtu(holes=["hr:7"])])
         tags = [{"name": "good", "address": "hr:5", "type": "uint16"}, {"name": "gone", "address": "hr:7", "type": "int32"}]
-        status, said, errors = fxagent("doctor", self.write(self.meter(tags=tags)))
-        self.assertEqual(status, 4, said + errors)
+        said, _ = self.doctor(self.write(self.meter(tags=tags)), status=4)
         self.assertIn("FAULT: tag gone: the device does not return 4 bytes at hr:7; correct the address", said)
         self.assertEqual(said.count("gone"), 1, said)
         self.assertNotIn("tag good", said)
@@ -83,23 +86,20 @@ class Doctor(PlantTest):
         tags = [{"name": "gone", "address": "D100"}, {"name": "good", "address": "D500"}, {"name": "start", "address": "X20"}]
         path = config_file(self.directory, [tcp_link(self.sim.ports["q"])],
                            [device("q", protocol="mc-4e", model="iQ-R", tags=tags)])
-        status, said, errors = fxagent("doctor", path)
-        self.assertEqual(status, 4, said + errors)
+        said, _ = self.doctor(path, status=4)
         self.assertIn("a read of 3 places in one frame, the first ", said)
         self.assertIn("FAULT: tag gone: the device does not return 2 bytes at D100; correct the address", said)
         self.assertEqual(said.count("FAULT"), 1, said)
 
     def test_who_made_the_device(self):
         self.start_sim([self.rtu(identity=["Sunny Meters", "M2\u001b[31m", "V1.7"])])
-        status, said, errors = fxagent("doctor", self.write(self.meter()))
-        self.assertEqual(status, 0, said + errors)
+        said, _ = self.doctor(self.write(self.meter()))
         self.assertIn("identity: Sunny Meters, M2?[31m, V1.7\n", said)
 
     def test_a_device_that_closes_the_line_at_an_unknown_function(self):
         self.start_sim([self.rtu()])
         self.sim.fault("press1", "drop", match="other")
-        status, said, errors = fxagent("doctor", self.write(self.meter()))
-        self.assertEqual(status, 0, said + errors)
+        said, _ = self.doctor(self.write(self.meter()))
         self.assertIn("identity: not reported\n", said)
 
     def test_clocks(self):
@@ -114,22 +114,19 @@ class Doctor(PlantTest):
                 plc = self.plc("press1", protocol=protocol, model=model, memory=memory)
                 self.start_sim([plc])
                 stack.callback(self.sim.stop)
-                status, said, errors = fxagent("doctor", self.write(device(protocol=protocol, model=model, **form)))
-                self.assertEqual(status, 0, said + errors)
+                said, _ = self.doctor(self.write(device(protocol=protocol, model=model, **form)))
                 self.assertEqual("clock 2026-11-27 01:48:15\n" in said, clock, said)
 
     def test_a_device_slower_than_the_config_says(self):
         self.start_sim([self.rtu(turnaround_ms=150)])
         path = self.write(self.meter(turnaround_ms=10))
-        status, said, errors = fxagent("doctor", path)
-        self.assertEqual(status, 4, said + errors)
+        said, _ = self.doctor(path, status=4)
         self.assertRegex(said, r"config: /devices/0/turnaround_ms = [1-9][0-9][0-9]\n")
 
     def test_a_hole_is_no_limit(self):
         self.start_sim([self.rtu(holes=["hr:40-hr:41"])])
         tags = [{"name": "all", "address": "hr:0", "type": "uint16", "count": 100}]
-        status, said, errors = fxagent("doctor", self.write(self.meter(tags=tags)))
-        self.assertEqual(status, 4, said + errors)
+        said, _ = self.doctor(self.write(self.meter(tags=tags)), status=4)
         self.assertIn("FAULT: tag all: the device does not return 200 bytes at hr:0", said)
         self.assertNotIn("max_block_bytes", said)
 
@@ -147,15 +144,13 @@ class Doctor(PlantTest):
     def test_never_replaces_a_file(self):
         self.start_sim([self.plc("press1", model="FX2N")])
         path = self.write(device(model="FX3U"))
-        status, _, errors = fxagent("doctor", path, "--fix", path)
-        self.assertEqual(status, 1)
+        _, errors = self.doctor(path, "--fix", path, status=1)
         self.assertIn("cannot be written", errors)
 
     def test_a_line_that_is_right_for_others_stays(self):
         self.start_sim([self.plc(protocol="fx-computer-link", baud=9600, strict_line=True)])
         path = self.write(self.station(0), self.station(9, name="gone"))
-        status, said, errors = fxagent("doctor", path, "--fix", path + ".fixed")
-        self.assertEqual(status, 1, said + errors)
+        said, errors = self.doctor(path, "--fix", path + ".fixed", status=1)
         self.assertIn("gone: no answer; trying", errors)
         self.assertNotIn("config: ", said)
         self.assertFalse(os.path.exists(path + ".fixed"))
@@ -163,16 +158,14 @@ class Doctor(PlantTest):
     def test_two_silent_devices_are_not_given_one_unit(self):
         self.start_sim([self.plc(protocol="fx-computer-link", station=5)])
         path = self.write(self.station(1), self.station(2, name="second"))
-        status, said, errors = fxagent("doctor", path, "--fix", path + ".fixed")
-        self.assertEqual(status, 1, said + errors)
+        said, _ = self.doctor(path, "--fix", path + ".fixed", status=1)
         self.assertEqual(said.count("station = 5"), 1)
         self.assertIn("with 1 of 1 changes", said)
 
     def test_lost_answers_are_a_fault(self):
         self.start_sim([self.rtu()])
         self.sim.fault("press1", "silent", every=4, count=1)
-        status, said, errors = fxagent("doctor", self.write(self.meter()))
-        self.assertEqual(status, 1, said + errors)
+        said, _ = self.doctor(self.write(self.meter()), status=1)
         self.assertIn("answers 4 of 5 requests", said)
 
     def test_the_copy_is_checked_before_the_search(self):

@@ -11,7 +11,7 @@ import tempfile
 import time
 import unittest
 
-from plant import BASE, FXAGENT, PlantTest, device, request_properties, text_of, wait_for
+from plant import BASE, FXAGENT, PlantTest, device, full_pipe, request_properties, text_of, wait_for
 
 CRASHING = os.environ["FXAGENT_CRASHING"]
 # A user without other processes: the limits count only the agent's.
@@ -117,27 +117,13 @@ class Start(PlantTest):
 class Log(PlantTest):
     """No working thread waits for a reader of the log."""
 
-    def full_pipe(self):
-        reader, writer = os.pipe()
-        self.addCleanup(os.close, reader)
-        os.set_blocking(writer, False)
-        with self.assertRaises(BlockingIOError):
-            while True:
-                os.write(writer, b"x" * 4096)
-        with self.assertRaises(BlockingIOError):
-            while True:
-                os.write(writer, b"x")
-        os.set_blocking(writer, True)
-        return reader, writer
-
     def start_unread(self):
         self.start(devices=[device(timeout_ms=1000)])
         self.ready()
         self.agent.stop()
-        reader, writer = self.full_pipe()
+        reader, writer = full_pipe(self.stack)
         since = self.watcher.mark()
-        self.agent.process = subprocess.Popen([FXAGENT, "run", self.agent.path], stderr=writer,
-                                              stdout=subprocess.DEVNULL)
+        self.agent.start(stderr=writer)
         os.close(writer)
         return reader, since
 

@@ -1,14 +1,13 @@
 """SIGTERM ends the agent within 10 s in any situation, and the effects of a long command are reported."""
 
 import contextlib
-import fcntl
 import os
 import socket
 import subprocess
 import threading
 import time
 
-from plant import FXAGENT, Agent, PlantTest, config_of, device, free_port, frozen, tag, tcp_link, wait_for
+from plant import FXAGENT, Agent, PlantTest, config_of, device, free_port, frozen, full_pipe, tag, tcp_link, wait_for
 
 LIMIT_S = 10.0
 LONGEST_MS = 600000
@@ -219,14 +218,7 @@ class Waits(StopTest):
         self.assertLessEqual(time.monotonic() - began, LIMIT_S)
 
     def test_a_log_that_nobody_reads(self):
-        reading, writing = os.pipe()
-        self.stack.callback(os.close, reading)
-        fcntl.fcntl(writing, fcntl.F_SETPIPE_SZ, 4096)
-        os.set_blocking(writing, False)
-        with contextlib.suppress(BlockingIOError):
-            while True:
-                os.write(writing, b"x" * 256)
-        os.set_blocking(writing, True)
+        _, writing = full_pipe(self.stack)
         self.start_alone([self.serial()])
         self.agent.stop(expected=None)
         process = subprocess.Popen([FXAGENT, "run", self.agent.path], stderr=writing)

@@ -14,8 +14,8 @@ import time
 import unittest
 import urllib.parse
 
-from plant import (PATIENCE, PlantTest, device, free_port, http_ask, read_json, read_text, tag, tcp_link, text_of,
-                   wait_for, write_text)
+from plant import (PATIENCE, PlantTest, device, free_port, http_ask, read_json, read_text, spawn, tag, tcp_link,
+                   text_of, wait_for, write_text)
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 MONITORING = os.path.join(HERE, "..", "..", "config", "monitoring")
@@ -169,15 +169,9 @@ class Scraped(PlantTest):
         path = write_text(os.path.join(self.directory, "prometheus.yml"), config)
         self.web = free_port()
         log = self.stack.enter_context(open(os.path.join(self.directory, "prometheus.log"), "w"))
-        child = subprocess.Popen(
-            [PROMETHEUS, "--config.file", path, "--storage.tsdb.path", os.path.join(self.directory, "tsdb"),
-             "--web.listen-address", f"127.0.0.1:{self.web}", "--log.level", "warn"],
-            stdout=log, stderr=log, cwd=self.directory)
-
-        def end():
-            child.terminate()
-            child.wait(PATIENCE)
-        self.stack.callback(end)
+        child = spawn(self.stack, [PROMETHEUS, "--config.file", path, "--storage.tsdb.path", os.path.join(self.directory, "tsdb"),
+                                   "--web.listen-address", f"127.0.0.1:{self.web}", "--log.level", "warn"],
+                      stdout=log, stderr=log, cwd=self.directory)
 
         def is_ready():
             self.assertIsNone(child.poll(), text_of(log.name))
@@ -302,9 +296,7 @@ class HostileClients(PlantTest):
         return sum(round(gap / self.INTERVAL_MS) - 1 for gap in gaps if gap > 1.5 * self.INTERVAL_MS)
 
     def test_five_hundred_slow_clients_move_no_poll(self):
-        clock = subprocess.Popen([sys.executable, os.path.join(HERE, "peers", "modbus_clock.py")], text=True,
-                                 stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-        self.stack.callback(lambda: (clock.kill(), clock.wait(), clock.stdin.close(), clock.stdout.close()))
+        clock = spawn(self.stack, [sys.executable, os.path.join(HERE, "peers", "modbus_clock.py")], stdin=subprocess.PIPE)
         modbus = int(clock.stdout.readline())
         port = free_port()
         self.start(metrics={"listen": f"127.0.0.1:{port}"},

@@ -342,7 +342,7 @@ class Nodes(NodeRedTest):
         self.state("press1", "online", since)
         wait_for("the agent", lambda: self.lists()["connected"] and self.lists()["agents"][0]["state"] == "online")
         self.assertEqual(self.outcome(op="write", tag="lot", payload=11)[0], "succeeded")
-        self.assertEqual([one["value"] for one in self.sim.commands("press1") if one["device"] == "D210"], [11])
+        self.assertEqual(self.sim.written("D210"), [11])
         self.assert_answered_once()
         self.assert_no_trouble()
 

@@ -16,9 +16,6 @@ class Outcomes(PlantTest):
         self.start([device(tags=TAGS, **more)], [self.plc(**(plc or {}))])
         self.ready()
 
-    def writes(self, name="D200"):
-        return [o["value"] for o in self.sim.commands("press1") if o["device"] == name]
-
     def write(self, value, **more):
         return self.command(op="write", tag="setpoint", value=value, **more)
 
@@ -30,7 +27,7 @@ class Outcomes(PlantTest):
         self.assertFalse(result["verify"]["match"])
         self.assertNotEqual(result["verify"]["read"], 12345)
         self.assertTrue(result["detail"])
-        self.assertEqual((result["attempts"], self.writes("D110")), (1, [12345]))
+        self.assertEqual((result["attempts"], self.sim.written("D110")), (1, [12345]))
         # Without verification the result reports only the ACK.
         result = self.succeed(op="write", tag="shadow", value=12345, verify=False)
         self.assertIsNone(result["verify"])
@@ -60,7 +57,7 @@ class Outcomes(PlantTest):
         self.sim.fault("press1", "silent", match="read", count=1)
         result = self.write(5, expect=0)
         self.assertEqual((result["status"], result["reason"]), ("FAILED", "timeout"), result)
-        self.assertEqual(self.writes(), [])
+        self.assertEqual(self.sim.written("D200"), [])
 
     def test_a_refused_read_fails_and_is_never_unknown(self):
         self.start_press(interval_ms=3600000, retries=0)
@@ -82,7 +79,7 @@ class Outcomes(PlantTest):
             self.assert_result(result, "SUCCEEDED", None, None)
             self.assertEqual(result["verify"], {"read": number, "match": True})
             self.assertEqual(result["attempts"], 1)
-            self.assertEqual(self.writes(), list(range(1, number + 1)))
+            self.assertEqual(self.sim.written("D200"), list(range(1, number + 1)))
 
     def test_noise_around_an_answer_is_not_an_answer_of_its_own(self):
         self.start_press()
@@ -91,7 +88,7 @@ class Outcomes(PlantTest):
             result = self.write(number)
             self.assertEqual(result["status"], "SUCCEEDED", result)
             self.assertEqual(result["attempts"], 1)
-            self.assertEqual(self.writes(), list(range(1, number + 1)))
+            self.assertEqual(self.sim.written("D200"), list(range(1, number + 1)))
 
     def test_a_read_back_settles_a_silent_command_even_where_verify_is_off(self):
         self.start_press()
@@ -104,7 +101,7 @@ class Outcomes(PlantTest):
         # The place had the value before the command and still has it; the result reports that.
         self.sim.fault("press1", "silent", match="write")
         self.assert_result(self.write(5, verify=False), "SUCCEEDED", None, None)
-        self.assertEqual(self.writes(), [5])
+        self.assertEqual(self.sim.written("D200"), [5])
 
     def test_a_line_that_breaks_after_the_command_leaves_it_unknown_and_sends_it_once(self):
         port = free_port()
@@ -114,7 +111,7 @@ class Outcomes(PlantTest):
         result = self.write(5)
         self.assertEqual((result["status"], result["plc"], result["attempts"]),
                          ("UNKNOWN_OUTCOME", None, 1), result)
-        self.assertEqual(self.writes(), [])
+        self.assertEqual(self.sim.written("D200"), [])
         self.state("press1", "online", self.watcher.mark())
         self.sim.fault("press1", "drop", match="write", ms=100)
         self.sim.fault("press1", "execute_then_silent", match="write")
@@ -123,7 +120,7 @@ class Outcomes(PlantTest):
                       [("UNKNOWN_OUTCOME", None), ("SUCCEEDED", {"read": 6, "match": True})])
         self.state("press1", "online", self.watcher.mark())
         self.data(lambda m: m["values"].get("setpoint") == 6, since=self.watcher.mark())
-        self.assertEqual(self.writes(), [6])
+        self.assertEqual(self.sim.written("D200"), [6])
 
     def test_a_refused_command_is_never_repeated_after_its_time(self):
         # The refusal comes 2.5 s after the command, which expired after 1.5 s.
@@ -135,7 +132,7 @@ class Outcomes(PlantTest):
         self.assert_result(result, "FAILED", "nak", "NAK")
         self.assertEqual(result["attempts"], 1)
         self.sim.clear_faults(plc="press1")
-        self.assertEqual(self.writes(), [])
+        self.assertEqual(self.sim.written("D200"), [])
 
     def test_run_and_stop_are_sent_once_whatever_the_answer(self):
         self.start_press(commands={"allow": [], "allow_run_stop": True})

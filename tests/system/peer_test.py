@@ -15,7 +15,7 @@ import sys
 import tempfile
 import unittest
 
-from plant import PATIENCE, Sim, config_file, free_port, fxagent, has_failed, tcp_link, text_of, wait_for
+from plant import PATIENCE, Sim, config_file, free_port, fxagent, has_failed, spawn, tcp_link, text_of, wait_for
 from ports import is_open
 
 PEERS = os.path.join(os.path.dirname(os.path.abspath(__file__)), "peers")
@@ -39,14 +39,7 @@ class Peer(unittest.TestCase):
         """Starts a child that ends with the test. Waits for the line with which it reports that it serves."""
         self.said.append(os.path.join(self.directory, f"peer{len(self.said)}.log"))
         with open(self.said[-1], "w") as log:
-            child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=log,
-                                     stdin=subprocess.DEVNULL, text=True, cwd=self.directory)
-
-        def end():
-            child.kill()
-            child.wait()
-            child.stdout.close()
-        self.stack.callback(end)
+            child = spawn(self.stack, command, stderr=log, stdin=subprocess.DEVNULL, cwd=self.directory)
         if ready:
             self.assertEqual(child.stdout.readline().strip(), ready, command)
         return child

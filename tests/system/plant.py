@@ -86,6 +86,26 @@ def frozen(process):
         process.send_signal(signal.SIGCONT)
 
 
+def spawn(stack, command, **more):
+    """Starts a program that `stack` kills at its end. Unless `more` says otherwise, its output is a pipe of text."""
+    child = stack.enter_context(subprocess.Popen(command, **{"stdout": subprocess.PIPE, "text": True, **more}))
+    stack.callback(child.kill)
+    return child
+
+
+def full_pipe(stack):
+    """Returns both ends of a pipe without room. `stack` closes the first."""
+    reader, writer = os.pipe()
+    stack.callback(os.close, reader)
+    os.set_blocking(writer, False)
+    for size in (4096, 1):
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                os.write(writer, b"x" * size)
+    os.set_blocking(writer, True)
+    return reader, writer
+
+
 def text_of(path):
     """Returns a child's output, as far as it is text; "" if the child never ran."""
     with contextlib.suppress(FileNotFoundError):
@@ -354,6 +374,10 @@ class Sim:
         """Returns the changes commanded to the PLC: accepted writes and forces, oldest first."""
         return [e for e in self.log(plc) if e["kind"] in ("write", "force_on", "force_off")]
 
+    def written(self, name=None, plc="press1"):
+        """Returns the values commanded to a device of the PLC, or to all, oldest first."""
+        return [e["value"] for e in self.commands(plc) if name in (None, e["device"])]
+
     def stop(self):
         if self.process is not None:
             self.process.terminate()
@@ -381,9 +405,8 @@ class Agent:
     def start(self, program=FXAGENT, environment=None, **more):
         self.log = open(self.log_path, "a")
         self.process = subprocess.Popen([program, "run", self.path, *self.arguments],
-                                        stderr=self.log,
-                                        stdout=subprocess.DEVNULL,
-                                        env=dict(os.environ, **(environment or {})), **more)
+                                        **{"stderr": self.log, "stdout": subprocess.DEVNULL,
+                                           "env": dict(os.environ, **(environment or {})), **more})
         Agent.running.add(self)
 
     def stop(self, sign=signal.SIGTERM, expected=0):

@@ -10,8 +10,8 @@ import subprocess
 import sys
 import unittest
 
-from plant import (FXAGENT, FXSIM, PATIENCE, PlantTest, device, free_port, fxagent, read_text, tag, tcp_link, wait_for,
-                   write_text)
+from plant import (FXAGENT, FXSIM, PATIENCE, PlantTest, device, free_port, fxagent, read_text, spawn, tag, tcp_link,
+                   wait_for, write_text)
 
 LUA = os.path.join(os.path.dirname(__file__), "..", "..", "config", "wireshark", "fxagent.lua")
 FROM_RECORDING = os.path.join(os.path.dirname(__file__), "..", "frames", "from_recording.py")
@@ -162,11 +162,7 @@ class Played(Recorded):
     """A recording in place of the plant."""
 
     def play(self, path, *arguments):
-        sim = subprocess.Popen([FXSIM, "--from", path, "--seconds", "600", *arguments],
-                               stdout=subprocess.PIPE, text=True)
-        self.stack.callback(sim.stdout.close)
-        self.stack.callback(sim.wait)
-        self.stack.callback(sim.terminate)
+        sim = spawn(self.stack, [FXSIM, "--from", path, "--seconds", "600", *arguments])
         return json.loads(sim.stdout.readline())["plcs"][0]
 
     def course(self, tag, length, since):

@@ -6,8 +6,8 @@ import statistics
 import subprocess
 import unittest
 
-from plant import (BASE, FXAGENT, SCHEDULING_MS, PlantTest, config_of, device, free_port, tag, tcp_link, text_of,
-                   wait_for, write_json)
+from plant import (BASE, FXAGENT, SCHEDULING_MS, PlantTest, config_of, device, free_port, memory_kib, spawn, tag, tcp_link,
+                   text_of, wait_for, write_json)
 
 
 class Scale(PlantTest):
@@ -50,13 +50,9 @@ class Scale(PlantTest):
         path = self.config_of(100, "modbus-tcp", "hr:")
         log = os.path.join(self.directory, "scale.log")
         with open(log, "w") as out:
-            child = subprocess.Popen([FXAGENT, "run", path], stderr=out)
-        self.stack.callback(child.wait)
-        self.stack.callback(child.kill)
+            child = spawn(self.stack, [FXAGENT, "run", path], stderr=out, stdout=None)
         wait_for("every link to be made", lambda: text_of(log).count("state=down") >= 100)
-        with open(f"/proc/{child.pid}/status") as status:
-            facts = dict(line.split(":", 1) for line in status if ":" in line)
-        peak, now = (int(facts[fact].split()[0]) for fact in ("VmHWM", "VmRSS"))
+        peak, now = (memory_kib(child.pid, what) for what in ("VmHWM", "VmRSS"))
         print(f"100,000 tags: {now >> 10} MiB, {peak >> 10} MiB at the most")
         # With a tree of the whole file it was 2.4.
         self.assertLess(peak / now, 1.5)

@@ -6,7 +6,7 @@ import subprocess
 import sys
 import unittest
 
-from plant import BASE, FXAGENT, Agent, PlantTest, Watcher, free_port, fxagent, tag, tcp_link, write_json
+from plant import BASE, FXAGENT, Agent, PlantTest, Watcher, free_port, fxagent, spawn, tag, tcp_link, write_json
 
 PEERS = os.path.join(os.path.dirname(os.path.abspath(__file__)), "peers")
 UNITS = 200
@@ -30,11 +30,7 @@ class Templates(PlantTest):
 
     def test_two_hundred_units_of_one_template_are_polled(self):
         port = free_port()
-        peer = subprocess.Popen([sys.executable, os.path.join(PEERS, "pymodbus_server.py"), "tcp",
-                                 str(port), str(UNITS)], stdout=subprocess.PIPE, text=True)
-        self.stack.callback(peer.stdout.close)
-        self.stack.callback(peer.wait)
-        self.stack.callback(peer.kill)
+        peer = spawn(self.stack, [sys.executable, os.path.join(PEERS, "pymodbus_server.py"), "tcp", str(port), str(UNITS)])
         self.assertEqual(peer.stdout.readline().strip(), "ready")
         self.start_broker()
         self.watcher = Watcher(self.broker.port)

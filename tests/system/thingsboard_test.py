@@ -89,9 +89,6 @@ class ThingsBoard(PlantTest):
             return own["balanced"] and accept(own)
         return self.watcher.wait(f"{BASE}/health", look, patience=3 * PATIENCE)
 
-    def written(self, address):
-        return [e["value"] for e in self.sim.commands("press1") if e["device"] == address]
-
     def test_devices_with_attributes_and_telemetry(self):
         self.begin()
         self.assertEqual(self.server.wait("connect"),
@@ -187,7 +184,7 @@ class ThingsBoard(PlantTest):
             return answer["data"]
         self.assert_result(ask("write", {"tag": "setpoint", "value": 50}), "SUCCEEDED", None, "ACK")
         self.assert_result(ask("set_setpoint", 60), "SUCCEEDED", None, "ACK")
-        self.assertEqual(self.written("D200"), [50, 60])
+        self.assertEqual(self.sim.written("D200"), [50, 60])
         self.assertEqual(ask("read", {"tag": "setpoint"})["value"], 60)
         self.assertEqual(ask("get_setpoint")["value"], 60)
         self.assert_result(ask("force_on", {"tag": "lamp"}), "SUCCEEDED", None, "ACK")
@@ -221,14 +218,14 @@ class ThingsBoard(PlantTest):
                      '{"device":1,"data":{"id":1,"method":"run"}}', "[" * 60000]:
             self.server.order(raw=text)
         wait_for("the log", lambda: self.agent.logged().count("command_ignored") >= 5)  # the log counts the rest
-        self.assertEqual(self.written("D200"), [])
+        self.assertEqual(self.sim.written("D200"), [])
         self.assert_result(self.server.ask("set_setpoint", 7)["data"], "SUCCEEDED", None, "ACK")
 
     def test_retained_request_is_never_carried_out(self):
         self.begin()
         answer = self.server.ask("set_setpoint", 7, retain=True)
         self.assert_result(answer["data"], "REJECTED", "retained")
-        self.assertEqual(self.written("D200"), [])
+        self.assertEqual(self.sim.written("D200"), [])
 
     def test_first_id_of_a_restarted_server_is_a_new_command(self):
         self.begin()
@@ -241,7 +238,7 @@ class ThingsBoard(PlantTest):
             self.server.start()
             self.server.wait("subscribed", since=mark)
             self.server.wait("connect", since=mark)
-        self.assertEqual(self.written("D200"), [5, 6])
+        self.assertEqual(self.sim.written("D200"), [5, 6])
 
     def test_answer_of_an_earlier_session_is_not_sent(self):
         self.begin(devices=[device(tags=TAGS, timeout_ms=4000)])
@@ -265,7 +262,7 @@ class ThingsBoard(PlantTest):
         self.assertEqual(self.server.seen("subscribed"), [])
         self.server.order(rpc={"device": "press1", "method": "set_setpoint", "params": 8})
         self.command(op="write", tag="setpoint", value=6)  # what was sent before has arrived by then
-        self.assertEqual(self.written("D200"), [6])
+        self.assertEqual(self.sim.written("D200"), [6])
         self.assertEqual(self.server.seen("answer"), [])
 
 

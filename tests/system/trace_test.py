@@ -6,10 +6,9 @@ import json
 import os
 import re
 import signal
-import subprocess
 import unittest
 
-from plant import FXAGENT, PATIENCE, PlantTest, config_file, device, fxagent, tag, tcp_link, wait_for, write_json
+from plant import PATIENCE, PlantTest, config_file, device, fxagent, tag, tcp_link, wait_for, write_json
 
 # D100 of an FX3U, two bytes, by the classic command.
 QUESTION = "02 30 31 30 43 38 30 32 03 37 31"
@@ -75,8 +74,8 @@ class Trace(TracedTest):
         self.ready()
         self.agent.stop()
         mark = self.watcher.mark()
-        self.agent.process = subprocess.Popen([FXAGENT, "run", self.agent.path, "--trace", "line1"],
-                                              stderr=writer, stdout=subprocess.DEVNULL)
+        self.agent.arguments = ["--trace", "line1"]
+        self.agent.start(stderr=writer)
         os.close(writer)
         # Each poll shows two frames of some 200 bytes: together more than the pipe and the log's queue hold.
         self.watcher.wait_count("fx/plant-a/edge7/press1/data/fast", 1000, since=mark)
