@@ -8,7 +8,7 @@ import subprocess
 import threading
 import unittest
 
-from plant import PlantTest, config_file, device, free_port, fxagent, tcp_link, text_of
+from plant import PlantTest, config_file, device, ends, free_port, fxagent, tcp_link, text_of
 
 
 class Doctor(PlantTest):
@@ -27,10 +27,7 @@ class Doctor(PlantTest):
         return device(protocol="fx-computer-link", station=station, timeout_ms=200) | more
 
     def doctor(self, path, *arguments, status=0):
-        """Runs it, which must end with this status. Returns its output and its errors."""
-        ended, said, errors = fxagent("doctor", path, *arguments)
-        self.assertEqual(ended, status, said + errors)
-        return said, errors
+        return ends(status, "doctor", path, *arguments)
 
     def assert_finds(self, path, finding, key):
         """The doctor reports the key, leaves the config alone, and is content with its copy."""
@@ -196,14 +193,12 @@ class Doctor(PlantTest):
         status, _, errors = fxagent("scan", "127.0.0.1:502")
         self.assertEqual(status, 2, errors)
         self.assertIn("scan takes only serial ports", errors)
-        status, _, errors = fxagent("scan", "/dev/null")
-        self.assertEqual(status, 1, errors)
+        _, errors = ends(1, "scan", "/dev/null")
         self.assertIn("/dev/null is not a serial port", errors)
 
     def test_scan_prints_a_section_that_works(self):
         self.start_sim([self.plc("press1", baud=9600, strict_line=True)])
-        status, said, errors = fxagent("scan", self.pty("press1"))
-        self.assertEqual(status, 0, errors)
+        said, errors = ends(0, "scan", self.pty("press1"))
         self.assertIn("At most ", errors)
         found = json.loads("{" + said + "}")
         self.assertEqual(found["devices"][0]["protocol"], "fx-programming-port")

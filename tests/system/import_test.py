@@ -8,7 +8,7 @@ import subprocess
 import tempfile
 import unittest
 
-from plant import FXAGENT, fxagent, read_json, read_text
+from plant import FXAGENT, ends, fxagent, read_json, read_text
 
 ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..")
 
@@ -26,8 +26,7 @@ class Import(unittest.TestCase):
 
     def imported(self, *arguments):
         """Returns the config, which must pass check, and the messages."""
-        status, out, err = fxagent("import", *arguments)
-        self.assertEqual(status, 0, err)
+        out, err = ends(0, "import", *arguments)
         self.assertEqual(fxagent("check", self.file("made.json", out))[0], 0, out)
         return json.loads(out), err
 
@@ -81,8 +80,7 @@ class Import(unittest.TestCase):
             variables["PLANT_BROKER"] = "mqtt://127.0.0.1"
             status, csv, err = fxagent("export", "--csv", path, environment=variables)
             self.assertEqual(status, 0, err)
-            status, out, err = fxagent("import", "csv", self.file("e.csv", csv), environment=variables)
-            self.assertEqual(status, 0, err)
+            out, _ = ends(0, "import", "csv", self.file("e.csv", csv), environment=variables)
             self.assertEqual(json.loads(out), read_json(path), path)
 
     def test_a_pipe_is_read_once(self):

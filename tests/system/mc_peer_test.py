@@ -10,7 +10,7 @@ import subprocess
 import tempfile
 import unittest
 
-from plant import PATIENCE, Sim, config_file, fxagent, tcp_link
+from plant import PATIENCE, Sim, config_file, ends, tcp_link
 
 PEERS = os.environ["NODE_PEERS"]
 MEMORY = {"D0": list(range(1000, 1140)), "D50": [0x5678, 0x1234], "D7990": [1, -1, 32767], "R100": [4, 5],
@@ -52,8 +52,7 @@ class Mcprotocol(unittest.TestCase):
         return json.loads(said[0].removeprefix("result "))
 
     def agent(self, *words):
-        status, out, err = fxagent(words[0], self.config, "plc", *words[1:], "--json")
-        self.assertEqual(status, 0, out + err)
+        out, _ = ends(0, words[0], self.config, "plc", *words[1:], "--json")
         return json.loads(out)
 
     def agent_reads(self, address, count=1, kind=None):

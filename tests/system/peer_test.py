@@ -15,7 +15,7 @@ import sys
 import tempfile
 import unittest
 
-from plant import PATIENCE, Sim, config_file, free_port, fxagent, has_failed, spawn, tcp_link, text_of, wait_for
+from plant import PATIENCE, Sim, config_file, ends, free_port, has_failed, spawn, tcp_link, text_of, wait_for
 from ports import is_open
 
 PEERS = os.path.join(os.path.dirname(os.path.abspath(__file__)), "peers")
@@ -63,8 +63,7 @@ class Peer(unittest.TestCase):
         self.config = config_file(self.directory, [link], [device])
 
     def call(self, verb, *words):
-        status, out, err = fxagent(verb, self.config, "meter", *words, "--json")
-        self.assertEqual(status, 0, out + err)
+        out, _ = ends(0, verb, self.config, "meter", *words, "--json")
         return json.loads(out)
 
     def read(self, address, count=1, kind=None):
@@ -102,8 +101,7 @@ class Peer(unittest.TestCase):
             self.assertEqual(self.read("hr:50"), [1050 | 8])
             self.write("hr:50.3", False)
             self.assertEqual(self.read("hr:50"), [1050 & ~8])
-        status, out, _ = fxagent("read", self.config, "meter", "hr:5000", "--json")
-        self.assertEqual(status, 1)
+        out, _ = ends(1, "read", self.config, "meter", "hr:5000", "--json")
         if refuses:
             self.assertIn("exception 02", json.loads(out)["detail"])
 

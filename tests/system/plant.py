@@ -461,6 +461,13 @@ def fxagent(*arguments, environment=None):
     return done.returncode, done.stdout, done.stderr
 
 
+def ends(status, *arguments, **more):
+    """Runs a subcommand, which must end with this status. Returns output and errors."""
+    ended, out, errors = fxagent(*arguments, **more)
+    assert ended == status, f"{arguments} ended with {ended}, not {status}:\n{out}{errors}"
+    return out, errors
+
+
 def fxagent_json(*arguments):
     """Runs a subcommand with --json. Returns exit status and answer."""
     status, out, _ = fxagent(*arguments, "--json")

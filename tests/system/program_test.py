@@ -5,7 +5,7 @@ import os
 import signal
 import unittest
 
-from plant import (Agent, PlantTest, config_of, device, free_port, fxagent, fxagent_json, tag, tcp_link, wait_for,
+from plant import (Agent, PlantTest, config_of, device, ends, free_port, fxagent, fxagent_json, tag, tcp_link, wait_for,
                    write_json, write_text)
 
 
@@ -70,14 +70,12 @@ class Programs(PlantTest):
         self.assertIn("/mqtt/password_file: " + secret + " can be read by everybody", errors)
         path = self.config(mqtt={"servers": servers, "username": "u", "password": "hunter2"})
         os.chmod(path, 0o644)
-        status, _, errors = fxagent("check", path)
-        self.assertEqual(status, 2)
+        _, errors = ends(2, "check", path)
         self.assertIn("/mqtt/password: a plain-text password", errors)
         os.chmod(path, 0o600)
         self.assertEqual(fxagent("check", path)[0], 0)
         path = self.config(mqtt={"servers": ["mqtt://u:hunter2@127.0.0.1:1"]})
-        status, _, errors = fxagent("check", path)
-        self.assertEqual(status, 2)
+        _, errors = ends(2, "check", path)
         self.assertIn("must not contain a user or a password", errors)
         self.assertNotIn("hunter2", errors)
 
@@ -175,8 +173,7 @@ class Programs(PlantTest):
         self.assertIn(", which runs another config", errors)
 
     def test_check_says_what_is_right_and_warns_of_files_that_are_missing(self):
-        status, out, errors = fxagent("check", self.config())
-        self.assertEqual(status, 0)
+        out, errors = ends(0, "check", self.config())
         self.assertIn("valid", out)
         self.assertIn("/links/0/serial/path", errors)  # no simulator runs, so the pty does not exist
 
@@ -190,8 +187,7 @@ class Programs(PlantTest):
         self.assertEqual(status, 0)
         self.assertNotIn(secret, out + err)
         mqtt["password"] = secret  # an unknown key
-        status, out, err = fxagent("check", self.config(mqtt=mqtt), environment=with_secret)
-        self.assertEqual(status, 2)
+        out, err = ends(2, "check", self.config(mqtt=mqtt), environment=with_secret)
         self.assertIn("/mqtt/password", err)
         self.assertNotIn(secret, out + err)
 
@@ -256,8 +252,7 @@ class Programs(PlantTest):
         self.assertEqual(group["exchanges"], [{"address": "D100", "bytes": 2, "bits": 16,
                                                "chars": 19, "line_ms": None}])
         self.assertIn("line_baud", link["warnings"][0])
-        status, out, _ = fxagent("plan", path)
-        self.assertEqual(status, 0)
+        out, _ = ends(0, "plan", path)
         self.assertIn("line_baud", out)
 
     def test_plan_shows_what_more_tags_would_cost(self):
@@ -305,8 +300,7 @@ class Programs(PlantTest):
         status, answer = fxagent_json("force-on", path, "press1", "M150")
         self.assertEqual((status, answer["status"], answer["reason"]),
                          (1, "FAILED", "device_offline"))
-        status, out, _ = fxagent("force-on", path, "press1", "M150")
-        self.assertEqual(status, 1)
+        out, _ = ends(1, "force-on", path, "press1", "M150")
         self.assertIn("FAILED", out)
 
     def test_commands_of_the_command_line_keep_the_configs_rules(self):
@@ -343,8 +337,7 @@ class Programs(PlantTest):
         status, out, _ = fxagent("read", path, "press1", "D7000")
         self.assertEqual(status, 0)
         self.assertIn("D7000", out)
-        status, out, _ = fxagent("force-on", path, "press1", "M150")
-        self.assertEqual(status, 0)
+        out, _ = ends(0, "force-on", path, "press1", "M150")
         self.assertIn("ACK", out)
 
     def test_a_refused_command_is_told_without_an_answer_that_nobody_waited_for(self):

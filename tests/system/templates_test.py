@@ -6,7 +6,7 @@ import subprocess
 import sys
 import unittest
 
-from plant import BASE, FXAGENT, Agent, PlantTest, Watcher, free_port, fxagent, spawn, tag, tcp_link, write_json
+from plant import BASE, FXAGENT, Agent, PlantTest, Watcher, ends, free_port, fxagent, spawn, tag, tcp_link, write_json
 
 PEERS = os.path.join(os.path.dirname(os.path.abspath(__file__)), "peers")
 UNITS = 200
@@ -80,8 +80,7 @@ class Templates(PlantTest):
         config["devices"] = [{"template": "meter", "name": f"line{i}_{{n}}", "link": f"gw{i}", "n": "1-250",
                               "unit": "{n}"} for i in range(1, 5)]
         path = self.written(config)
-        status, out, _ = fxagent("config", path, "--expand")
-        self.assertEqual(status, 0)
+        out, _ = ends(0, "config", path, "--expand")
         whole = self.written(json.loads(out), "whole.json")
         short, long = self.peak_kib(path), self.peak_kib(whole)
         print(f"1,000 devices of 100 tags: {short >> 10} MiB from a template, {long >> 10} MiB written out")

@@ -8,7 +8,7 @@ import re
 import signal
 import unittest
 
-from plant import PATIENCE, PlantTest, config_file, device, fxagent, tag, tcp_link, wait_for, write_json
+from plant import PATIENCE, PlantTest, config_file, device, ends, fxagent, tag, tcp_link, wait_for, write_json
 
 # D100 of an FX3U, two bytes, by the classic command.
 QUESTION = "02 30 31 30 43 38 30 32 03 37 31"
@@ -104,16 +104,14 @@ class Trace(TracedTest):
     def test_one_shots_show_their_frames(self):
         self.start_sim([self.plc(memory={"D100": 234})])
         path = self.config()
-        status, out, err = fxagent("read", path, "press1", "D100", "--trace")
-        self.assertEqual(status, 0, err)
+        out, err = ends(0, "read", path, "press1", "D100", "--trace")
         self.assertIn("press1 D100 = 234", out)
         self.assertIn("says=enquire", err)
         self.assertIn(f'way=out bytes="{QUESTION}" says="read D100 × 1"', err)
         self.assertIn('says="data 00EA"', err)
 
     def test_a_link_that_is_not_there_is_named_with_the_nearest(self):
-        status, _, err = fxagent("run", self.config(), "--trace", "lin1")
-        self.assertEqual(status, 2)
+        _, err = ends(2, "run", self.config(), "--trace", "lin1")
         self.assertIn("--trace: there is no link lin1; did you mean line1?", err)
 
 
@@ -139,8 +137,7 @@ class Garbage(PlantTest):
         self.assertIn(f'heard="{self.WORD.upper()}"', lines[0])
         self.assertIn("7 bits with even parity in bit 7: set data_bits to 7", lines[0])
         self.agent.stop()
-        status, out, _ = fxagent("read", self.agent.path, "press1", "D100")
-        self.assertEqual(status, 1)
+        out, _ = ends(1, "read", self.agent.path, "press1", "D100")
         self.assertIn("it looks like 7 bits with even parity in bit 7", out)
 
 
