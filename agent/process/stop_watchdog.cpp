@@ -86,7 +86,6 @@ void StopWatchdog::nothing_left_to_lose() {
   {
     const std::lock_guard lock(mutex_);
     freeing_ = true;
-    more_ = {};
   }
   news_.notify_all();
 }
