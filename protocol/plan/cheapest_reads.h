@@ -1,5 +1,5 @@
-// Finds the reads with the least line time for one space, by dynamic programming. Used only by the
-// planner (plan.h).
+// Finds the reads with the least line time for one space, by dynamic programming. Used by the
+// planner (plan.h); `fxagent doctor` uses fit().
 #pragma once
 
 #include <cstdint>

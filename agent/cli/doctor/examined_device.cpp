@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "agent/cli/report/read_report.h"
+#include "protocol/plan/cheapest_reads.h"
 #include "protocol/plc.h"
 
 namespace fxagent {
@@ -49,14 +50,11 @@ ProbeAnswer ExaminedDevice::ask(const Request& question) const {
 
 std::optional<Bytes> ExaminedDevice::read(const Span& span) const {
   for (const ReadWay& way : codec->addresses().read_ways(span.space)) {
-    const std::uint32_t before = span.first_bit % way.align_bits;
-    Span asked{span.space, span.first_bit - before, span.bits + before};
-    asked.bits += (way.unit_bits - asked.bits % way.unit_bits) % way.unit_bits;
-    const bool reaches = asked.first_bit >= way.first_bit && asked.end_bit() <= way.end_bit;
-    if (way.gather != 0 || !reaches || asked.bits > way.max_bits) continue;
-    const auto answer = ask(Read{asked, way.way});
+    const auto asked = fit(way, {span.first_bit, span.end_bit()});
+    if (way.gather != 0 || !asked) continue;
+    const auto answer = ask(Read{{span.space, asked->first, asked->end - asked->first}, way.way});
     if (answer.kind != ProbeAnswer::Kind::data) return std::nullopt;
-    return extract_bits(answer.image, before, span.bits);
+    return extract_bits(answer.image, span.first_bit - asked->first, span.bits);
   }
   return std::nullopt;
 }
