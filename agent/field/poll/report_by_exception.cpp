@@ -38,16 +38,12 @@ bool apart(const Value& a, const Value& b, std::optional<double> deadband) {
 }  // namespace
 
 ReportByException::Kept::Kept(const Value& value) {
-  if (value.is_array || value.items.size() != 1) {
-    kept_ = std::make_unique<const Value>(value);
-    return;
-  }
-  const Scalar& scalar = value.items.front();
-  if (const auto* flag = std::get_if<bool>(&scalar))
+  const Scalar* one = value.is_array || value.items.size() != 1 ? nullptr : &value.items.front();
+  if (const auto* flag = std::get_if<bool>(one))
     kept_ = *flag;
-  else if (const auto* integer = std::get_if<std::int64_t>(&scalar))
+  else if (const auto* integer = std::get_if<std::int64_t>(one))
     kept_ = *integer;
-  else if (const auto* real = std::get_if<double>(&scalar))
+  else if (const auto* real = std::get_if<double>(one))
     kept_ = *real;
   else
     kept_ = std::make_unique<const Value>(value);
