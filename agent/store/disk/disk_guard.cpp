@@ -1,7 +1,5 @@
 #include "agent/store/disk/disk_guard.h"
 
-#include <system_error>
-
 #include "agent/log/log.h"
 #include "agent/without_signals.h"
 
@@ -10,19 +8,11 @@ namespace fxagent {
 DiskGuard::DiskGuard(std::string path, Work before, Work wake)
     : path_(std::move(path)), before_(std::move(before)), wake_(std::move(wake)) {
   const WithoutSignals quiet;
-  try {
-    thread_ = std::jthread([this](const std::stop_token& stop) { serve(stop); });
-  } catch (const std::system_error&) {
-    // No thread: run() calls the work itself.
-  }
+  thread_ = std::jthread([this](const std::stop_token& stop) { serve(stop); });
 }
 
 bool DiskGuard::run(Work work, Work late) {
   before_();
-  if (!thread_.joinable()) {
-    work();
-    return true;
-  }
   {
     std::unique_lock lock(mutex_);
     work_ = std::move(work);

@@ -26,8 +26,8 @@ class DiskGuard final {
 
   /// `path` is the store's directory, for the log. Calls `before` ahead of each work: it copies the
   /// figures that must be known while the store hangs. Calls `wake` on the disk's thread when
-  /// overdue work has ended; it must not block or call this object. If no thread can be started,
-  /// all work runs on the caller's.
+  /// overdue work has ended; it must not block or call this object. Throws std::system_error if no
+  /// thread can be started.
   DiskGuard(std::string path, Work before, Work wake);
   /// Waits until overdue work has ended.
   ~DiskGuard() = default;

@@ -1,7 +1,6 @@
 #include "agent/store/journal/guarded_journal.h"
 
 #include <memory>
-#include <system_error>
 #include <utility>
 
 #include "agent/without_signals.h"
@@ -12,18 +11,10 @@ using std::chrono::steady_clock;
 
 CommandMarker::CommandMarker(Write write) : write_(std::move(write)) {
   const WithoutSignals quiet;
-  try {
-    thread_ = std::jthread([this](const std::stop_token& stop) { serve(stop); });
-  } catch (const std::system_error&) {
-    // No thread: mark() writes itself.
-  }
+  thread_ = std::jthread([this](const std::stop_token& stop) { serve(stop); });
 }
 
 void CommandMarker::mark(std::uint64_t number, Done done) {
-  if (!thread_.joinable()) {
-    write_(number);
-    return done(true);
-  }
   std::unique_lock lock(mutex_);
   if (!marks_.empty() && steady_clock::now() - began_ >= patience_) {
     lock.unlock();
