@@ -18,29 +18,24 @@ void StoredJournal::write(const JournalEntry& entry) {
   audit_.append(entry.audit);
 }
 
-bool StoredJournal::commit(std::span<const JournalEntry> entries) {
-  return disk_.commit("journal", [&] {
+/// What the parts have pending goes first: a result that the broker had acknowledged before a
+/// command came is not published again after a crash.
+bool StoredJournal::journal(std::span<const JournalEntry> entries) {
+  const bool is_written = disk_.commit("journal", [&] {
     disk_.write_pending();
     for (const JournalEntry& entry : entries) write(entry);
   });
-}
-
-void StoredJournal::keep(JournalEntry entry) {
-  audit_.note(std::exchange(entry.audit, {}));
-  waiting_.put(std::move(entry));
-}
-
-bool StoredJournal::journal(std::span<const JournalEntry> entries) {
-  if (commit(entries)) return true;
-  for (const JournalEntry& entry : entries) keep(entry);
+  if (is_written) return true;
+  for (JournalEntry entry : entries) {
+    audit_.note(std::exchange(entry.audit, {}));
+    waiting_.put(std::move(entry));
+  }
   // A fresh file may have replaced a damaged one.
   return disk_.is_writable() && disk_.flush();
 }
 
 void StoredJournal::record(std::vector<JournalEntry> entries) {
-  if (entries.empty() || commit(entries)) return;
-  for (JournalEntry& entry : entries) keep(std::move(entry));
-  if (disk_.is_writable()) disk_.flush();
+  if (!entries.empty()) journal(entries);
 }
 
 void StoredJournal::acknowledge(std::string device, std::string id, std::uint64_t number,

@@ -80,14 +80,8 @@ class StoredJournal final : public CommandJournal, public StorePart {
   /// Within a commit: writes a command before it is carried out, or its result if it has one.
   /// Throws SQLite::Exception.
   void write(const JournalEntry& entry);
-  /// Writes what the parts have pending, then the entries, in one commit: a result that the broker
-  /// had acknowledged before a command came is not published again after a crash. Returns false if
-  /// nothing was written.
-  bool commit(std::span<const JournalEntry> entries);
   /// Runs `work`, unless an earlier read of all devices has failed.
   void read(const std::string& device, const StoreDisk::Work& work);
-  /// Keeps the entry in memory until a commit writes it.
-  void keep(JournalEntry entry);
 
   const StoreConfig config_;
   StoreDisk& disk_;
