@@ -46,9 +46,17 @@ constexpr const char* kCost =
     " + length(CAST(op AS BLOB)) + length(CAST(response_topic AS BLOB)) + length(correlation)"
     " + length(CAST(result AS BLOB)) + length(CAST(payload AS BLOB)))";
 
+// Place of a row among those of its device; the newest has 1.
+constexpr const char* kPlace =
+    "row_number() OVER (PARTITION BY device ORDER BY arrival DESC, received_ms DESC) AS place";
+
 constexpr const char* kEntry =
     "SELECT device, id, received_ms, deadline_ms, op, response_topic, correlation, result, told,"
     " arrival, payload, refused";
+
+/// Returns the condition for the rows of ?1, the device; empty: of all. For one device the primary
+/// key limits the search to its rows.
+const char* is_of(const std::string& device) { return device.empty() ? "?1 = ''" : "device = ?1"; }
 
 std::int64_t moment(std::int64_t utc_ms) { return std::clamp<std::int64_t>(utc_ms, 0, kLatestMs); }
 
@@ -179,32 +187,22 @@ std::vector<KnownId> CommandTable::known_ids(const std::string& device) {
     ids.push_back({std::string(text(row, 0)), std::string(text(row, 1)), from_sql(number(row, 2)),
                    moment(number(row, 3)), moment(number(row, 4)), number(row, 5) != 0});
   };
-  // For one device the primary key limits the search to its rows.
   SQLite::Statement wanted(
       database_, std::string("SELECT device, id, arrival, received_ms, deadline_ms, refused"
-                             " FROM orders WHERE (result IS NOT '' OR told IS 1)") +
-                     (device.empty() ? "" : " AND device = ?1") + " ORDER BY arrival, received_ms");
-  if (device.empty())
-    sqlite::each(wanted, take);
-  else
-    sqlite::each(wanted, take, device);
+                             " FROM orders WHERE (result IS NOT '' OR told IS 1) AND ") +
+                     is_of(device) + " ORDER BY arrival, received_ms");
+  sqlite::each(wanted, take, device);
   return ids;
 }
 
 std::vector<JournalEntry> CommandTable::unacknowledged(const std::string& device) {
   std::vector<JournalEntry> entries;
   const auto take = [&](const SQLite::Statement& row) { entries.push_back(entry_of(row)); };
-  SQLite::Statement all(
-      database_,
-      std::string(kEntry) +
-          " FROM (SELECT *, row_number() OVER (PARTITION BY device ORDER BY arrival DESC,"
-          " received_ms DESC) AS place FROM orders WHERE told IS NOT 1" +
-          (device.empty() ? "" : " AND device = ?2") +
-          ") WHERE result = '' OR place <= ?1 ORDER BY arrival, received_ms");
-  if (device.empty())
-    sqlite::each(all, take, kRememberedIds);
-  else
-    sqlite::each(all, take, kRememberedIds, device);
+  SQLite::Statement all(database_,
+                        std::string(kEntry) + " FROM (SELECT *, " + kPlace +
+                            " FROM orders WHERE told IS NOT 1 AND " + is_of(device) +
+                            ") WHERE result = '' OR place <= ?2 ORDER BY arrival, received_ms");
+  sqlite::each(all, take, device, kRememberedIds);
   return entries;
 }
 
@@ -239,10 +237,9 @@ void CommandTable::drop_old(std::int64_t utc_ms, std::int64_t max_age_ms) {
   // ids stay, at most kFingerprints of all devices.
   SQLite::Statement results(
       database_,
-      "UPDATE orders SET result = '' WHERE told = 1 AND result <> '' AND (device, id) IN"
-      " (SELECT device, id FROM (SELECT device, id, row_number() OVER"
-      " (PARTITION BY device ORDER BY arrival DESC, received_ms DESC) AS place FROM orders)"
-      " WHERE place > ?1)");
+      std::string("UPDATE orders SET result = '' WHERE told = 1 AND result <> '' AND (device, id)"
+                  " IN (SELECT device, id FROM (SELECT device, id, ") +
+          kPlace + " FROM orders) WHERE place > ?1)");
   SQLite::Statement many(
       database_,
       "DELETE FROM orders WHERE told = 1 AND result = '' AND deadline_ms < ?1 AND (device, id) IN"
@@ -250,11 +247,9 @@ void CommandTable::drop_old(std::int64_t utc_ms, std::int64_t max_age_ms) {
       " ORDER BY arrival DESC, received_ms DESC LIMIT -1 OFFSET ?2)");
   // If the broker never acknowledges results, they must not fill the disk.
   SQLite::Statement unacknowledged(
-      database_,
-      "DELETE FROM orders WHERE deadline_ms < ?1 AND (device, id) IN"
-      " (SELECT device, id FROM (SELECT device, id, row_number() OVER"
-      " (PARTITION BY device ORDER BY arrival DESC, received_ms DESC) AS place"
-      " FROM orders WHERE told = 0 AND result <> '') WHERE place > ?2)");
+      database_, std::string("DELETE FROM orders WHERE deadline_ms < ?1 AND (device, id) IN"
+                             " (SELECT device, id FROM (SELECT device, id, ") +
+                     kPlace + " FROM orders WHERE told = 0 AND result <> '') WHERE place > ?2)");
   int changes = sqlite::run(old, utc_ms, utc_ms - day, utc_ms - age);
   // The search for surplus rows reads all of them: half a second for 200,000. Few rows need no
   // search; with very many it waits until a tenth of them are new.
