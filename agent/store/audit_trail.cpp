@@ -15,9 +15,12 @@ constexpr int kPatienceMs = 2000;
 // Bytes of a record besides its text: number, hash, and SQLite's overhead.
 constexpr std::uint64_t kOverhead = 64;
 
-void take_digest(ByteView kept, Digest& digest) {
-  digest.fill(0);
-  std::copy_n(kept.begin(), std::min(kept.size(), digest.size()), digest.begin());
+/// Returns the head in the row of a statement that begins with its records and hash.
+audit::Head head_of(const SQLite::Statement& row) {
+  audit::Head head{.records = from_sql(sqlite::number(row, 0))};
+  const ByteView hash = sqlite::bytes(row, 1);
+  std::copy_n(hash.begin(), std::min(hash.size(), head.hash.size()), head.hash.begin());
+  return head;
 }
 
 }  // namespace
@@ -31,8 +34,7 @@ void AuditTrail::load(SQLite::Database& database) {
   kept_ = {};
   SQLite::Statement head(database, "SELECT records, hash, arrivals, bytes FROM audit_head");
   sqlite::each(head, [this](const SQLite::Statement& row) {
-    kept_.head.records = from_sql(sqlite::number(row, 0));
-    take_digest(sqlite::bytes(row, 1), kept_.head.hash);
+    kept_.head = head_of(row);
     kept_.arrivals = from_sql(sqlite::number(row, 2));
     kept_.bytes = from_sql(sqlite::number(row, 3));
   });
@@ -148,10 +150,7 @@ std::optional<AuditTrail::Unread> AuditTrail::read(const std::string& path,
     // One transaction: head and records match even if the agent writes at the same time.
     const SQLite::Transaction transaction(database);
     SQLite::Statement kept(database, "SELECT records, hash FROM audit_head");
-    sqlite::each(kept, [&](const SQLite::Statement& row) {
-      head.records = from_sql(sqlite::number(row, 0));
-      take_digest(sqlite::bytes(row, 1), head.hash);
-    });
+    sqlite::each(kept, [&](const SQLite::Statement& row) { head = head_of(row); });
     SQLite::Statement all(database, "SELECT n, text, hash FROM audit ORDER BY n");
     sqlite::each(all, [&](const SQLite::Statement& row) {
       const ByteView hash = sqlite::bytes(row, 2);
