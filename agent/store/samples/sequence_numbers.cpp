@@ -46,11 +46,6 @@ std::uint64_t SequenceNumbers::add(const std::string& device, std::int64_t utc_m
   return last;
 }
 
-void SequenceNumbers::add_behind(std::int64_t utc_ms) {
-  if (!is_behind_) return;
-  for (const auto& [device, found] : found_) add(device, utc_ms);
-}
-
 void SequenceNumbers::used(const std::string& device, std::uint64_t seq) {
   Numbers& numbers = numbers_[device];
   numbers.last = std::max(numbers.last, seq);
@@ -89,7 +84,9 @@ bool SequenceNumbers::write(const std::map<std::string, std::uint64_t>& numbers,
 }
 
 void SequenceNumbers::write_all() {
-  add_behind(disk_.utc_ms());
+  // The marker counts for every device of the file, and is removed here.
+  if (is_behind_)
+    for (const auto& [device, found] : found_) add(device, disk_.utc_ms());
   std::map<std::string, std::uint64_t> all;
   for (const auto& [device, numbers] : numbers_)
     all[device] = config_.sync_always ? numbers.last : numbers.reserved;

@@ -71,9 +71,6 @@ class SequenceNumbers final : public StorePart {
   enum class Meaning : std::uint8_t { reserved, exact };
 
   std::uint64_t add(const std::string& device, std::int64_t utc_ms);
-  /// Adds the other devices of a file with the marker, which counts for them too: it is removed
-  /// when their numbers are written.
-  void add_behind(std::int64_t utc_ms);
   bool write(const std::map<std::string, std::uint64_t>& numbers, Meaning meaning);
 
   const StoreConfig config_;
