@@ -122,12 +122,11 @@ class RowReader final {
   }
   bool real(double& value) {
     std::uint64_t bits = 0;
-    if (takes(kFloat32) && big_endian(sizeof(float), bits)) {
-      value = static_cast<double>(std::bit_cast<float>(static_cast<std::uint32_t>(bits)));
-      return true;
-    }
-    if (!takes(kFloat64) || !big_endian(sizeof(double), bits)) return false;
-    value = std::bit_cast<double>(bits);
+    const bool is_single = takes(kFloat32);
+    if (!is_single && !takes(kFloat64)) return false;
+    if (!big_endian(is_single ? sizeof(float) : sizeof(double), bits)) return false;
+    value = is_single ? std::bit_cast<float>(static_cast<std::uint32_t>(bits))
+                      : std::bit_cast<double>(bits);
     return true;
   }
   bool string(Major major, std::string_view& value) {
@@ -162,22 +161,19 @@ class RowReader final {
 
 bool RowReader::scalar(Scalar& value) {
   if (rest_.empty()) return false;
+  std::string_view text;
   switch (first() >> 5) {
     case 0:
     case 1:
       return integer(value.emplace<std::int64_t>());
-    case 2: {
-      std::string_view text;
+    case 2:
       if (!string(Major::bytes, text)) return false;
       value.emplace<std::string>(text);
       return true;
-    }
-    case 3: {
-      std::string_view digits;
-      if (!string(Major::text, digits)) return false;
-      value.emplace<BigInteger>(BigInteger{std::string(digits)});
+    case 3:
+      if (!string(Major::text, text)) return false;
+      value.emplace<BigInteger>(BigInteger{std::string(text)});
       return true;
-    }
     default:
       break;
   }
@@ -190,8 +186,7 @@ bool RowReader::value(Value& value) {
   value.items.clear();
   value.is_array = false;
   if (takes(kNull)) return true;
-  if (rest_.empty()) return false;
-  if (first() >> 5 != static_cast<unsigned>(Major::array))
+  if (rest_.empty() || first() >> 5 != static_cast<unsigned>(Major::array))
     return scalar(value.items.emplace_back());
   std::uint64_t items = 0;
   if (!count(Major::array, items)) return false;
