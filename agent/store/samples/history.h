@@ -58,7 +58,12 @@ class BatchBuilder final {
   explicit BatchBuilder(HistoryMessage& message) : message_(message) {}
 
   enum class Added : std::uint8_t { yes, no_room, damaged };
-  Added add(std::uint64_t row_id, std::string_view content);
+  Added add(std::uint64_t row_id, std::string_view content) {
+    if (!decode_sample(content, record_)) return Added::damaged;
+    if (!message_.add(record_)) return Added::no_room;
+    row_ids_.push_back(row_id);
+    return Added::yes;
+  }
   bool empty() const { return row_ids_.empty(); }
   HistoryBatch take(const StreamKey& stream) { return {stream, std::move(row_ids_)}; }
 
