@@ -115,7 +115,7 @@ void StartedCommands::close() {
 
 bool StartedCommands::surely_not_sent(std::uint64_t number) const {
   return earlier_ && number >= earlier_->floor && number < first_of_run_ &&
-         !std::binary_search(earlier_->started.begin(), earlier_->started.end(), number);
+         !earlier_->started.contains(number);
 }
 
 void StartedCommands::mark(std::uint64_t number) {
@@ -194,9 +194,8 @@ void StartedCommands::remember(const Content& content) {
   earlier.floor = content.head.floor;
   for (const Record& record : content.records) {
     earlier.floor = std::max(earlier.floor, record.floor);
-    if (record.mark != 0) earlier.started.push_back(record.number);
+    if (record.mark != 0) earlier.started.insert(record.number);
   }
-  std::sort(earlier.started.begin(), earlier.started.end());
   earlier_ = std::move(earlier);
 }
 

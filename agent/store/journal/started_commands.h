@@ -11,6 +11,7 @@
 #include <cstdint>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -55,8 +56,8 @@ class StartedCommands final {
   struct Content;
   /// Marks of earlier runs.
   struct Earlier {
-    std::uint64_t floor = 0;             ///< nothing is known of commands below it
-    std::vector<std::uint64_t> started;  ///< ascending
+    std::uint64_t floor = 0;  ///< nothing is known of commands below it
+    std::set<std::uint64_t> started;
   };
 
   /// Returns nullopt if there is no file, or it proves nothing.
