@@ -495,6 +495,15 @@ class InChromium(Browser, PagePlant):
         self.do(until="Date.now = ((real) => () => real() + 11000)(Date.now), delete document.hidden")
         self.do(until="/^M[^M]*L[^M]*M[^M]*L[^M]*$/.test(document.querySelector('.plot path').getAttribute('d'))")
 
+    def test_the_curve_has_a_gap_where_the_tag_was_bad(self):
+        self.begin_at("values", "6 tags")
+        self.do(click="[aria-label='plot press2 temp']")
+        self.do(until="/^M[^M]*L[^M]*$/.test(document.querySelector('.plot path')?.getAttribute('d'))")
+        self.sim.fault("press2", "drop", count=100000)
+        self.do(until="document.querySelector('.row.bad')")
+        self.sim.clear_faults(plc="press2")
+        self.do(until="/L[^M]*M[^M]*L/.test(document.querySelector('.plot path').getAttribute('d'))")
+
     def test_the_size_of_a_store_is_a_plain_number(self):
         self.begin_at()
         self.assertEqual(self.do(until="import('/words.js').then(({bytes}) => [999, 1000, 999400, 999600, 2e12].map(bytes))"),

@@ -40,15 +40,15 @@ async function takeConfig() {
 }
 
 // A point is [time, value, true if the curve has a gap before it].
-function keepHistory(group, index, reading, hasGap) {
-  const [value, ts, bad] = reading;
-  if (bad || ts === null || (typeof value !== 'number' && typeof value !== 'boolean')) return;
+function keepHistory(group, index, [value, ts, bad], missed) {
   const key = `${group}.${index}`;
-  let points = data.history.get(key);
-  if (!points) data.history.set(key, points = []);
-  if (points.length && points[points.length - 1][0] === ts) return;
-  points.push([ts, Number(value), hasGap]);
+  const points = data.history.get(key) ?? [];
+  points.wasBad ||= Boolean(bad);
+  if (bad || ts === null || (typeof value !== 'number' && typeof value !== 'boolean') || points.at(-1)?.[0] === ts) return;
+  points.push([ts, Number(value), missed || points.wasBad]);
+  points.wasBad = false;
   if (points.length > KEPT_POINTS) points.shift();
+  data.history.set(key, points);
 }
 
 // `missed`: groups that the page did not ask for just before, as when it was hidden.
