@@ -24,14 +24,6 @@ constexpr std::int64_t kLastMs = 253'402'300'799'999;     // the end of the year
 /// Fault of a message or row. An empty text: none.
 using Fault = std::string;
 
-/// Removes the first level of `topic`, with its slash, and returns it.
-std::string_view take_level(std::string_view& topic) {
-  const std::size_t slash = topic.find('/');
-  const std::string_view level = topic.substr(0, slash);
-  topic.remove_prefix(slash == std::string_view::npos ? topic.size() : slash + 1);
-  return level;
-}
-
 std::optional<std::int64_t> whole_number(const Json& object, const char* key, std::int64_t most) {
   const Json& value = member(object, key);
   if (!value.is_number_integer()) return std::nullopt;
@@ -122,7 +114,7 @@ void Batch::add(const Message& message) {
   std::string_view rest = message.topic;
   if (!rest.starts_with(root_ + '/')) return refuse(message, "the topic is not below the root");
   rest.remove_prefix(root_.size() + 1);
-  const std::string_view id = take_level(rest);
+  const std::string_view id = take_until(rest, '/');
   const std::string agent = root_ + '/' + std::string(id);
   if (!is_name(id)) return refuse(message, "the topic has no valid name of an agent");
   if (rest == "health") return add_health(message, agent);
@@ -130,9 +122,9 @@ void Batch::add(const Message& message) {
 }
 
 void Batch::add_data(const Message& message, std::string_view agent, std::string_view rest) {
-  const std::string_view device = take_level(rest);
-  const std::string_view data = take_level(rest);
-  const std::string_view group = take_level(rest);
+  const std::string_view device = take_until(rest, '/');
+  const std::string_view data = take_until(rest, '/');
+  const std::string_view group = take_until(rest, '/');
   const bool is_history = rest == "history";
   if (data != "data" || !is_name(device) || !is_name(group) || !(rest.empty() || is_history))
     return refuse(message, "the topic is not one of data");

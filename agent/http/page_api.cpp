@@ -369,8 +369,7 @@ struct PageApi::Asked {
     const auto given = request.arguments.find("groups");
     std::string_view rest = given == request.arguments.end() ? std::string_view() : given->second;
     while (!rest.empty()) {
-      const std::string_view one = rest.substr(0, rest.find(','));
-      rest.remove_prefix(std::min(rest.size(), one.size() + 1));
+      const std::string_view one = take_until(rest, ',');
       const std::size_t dot = one.find('.');
       if (dot == one.npos) return std::nullopt;
       const auto device = number_from<std::uint64_t>(one.substr(0, dot));

@@ -27,13 +27,6 @@ std::string one_line(std::string_view text) {
   return line;
 }
 
-/// Removes the first word and the blank behind it from `text`, and returns the word.
-std::string_view next_word(std::string_view& text) {
-  const std::string_view word = text.substr(0, text.find(' '));
-  text.remove_prefix(std::min(text.size(), word.size() + 1));
-  return word;
-}
-
 std::string text_of(const OptionValue& value) {
   if (const auto* number = std::get_if<std::int64_t>(&value)) return std::to_string(*number);
   if (const auto* flag = std::get_if<bool>(&value)) return *flag ? "true" : "false";
@@ -106,21 +99,20 @@ std::optional<std::int64_t> us_from(std::string_view text) {
 
 /// Takes a line `device`. Returns the fault in it, or an empty text.
 std::string take_device(std::string_view line, Recording& out) {
-  if (number_from<std::uint32_t>(next_word(line)) != out.devices.size())
+  if (number_from<std::uint32_t>(take_until(line, ' ')) != out.devices.size())
     return "devices must be numbered 0, 1, 2 … in this order";
   if (out.devices.size() >= kNoDevice) return "a recording has at most 65,535 devices";
   RecordedDevice device;
-  device.name = next_word(line);
-  device.protocol = next_word(line);
+  device.name = take_until(line, ' ');
+  device.protocol = take_until(line, ' ');
   const ProtocolInfo* protocol = find_protocol(device.protocol);
   if (protocol == nullptr)
     return "there is no such protocol: `fxagent decode` without arguments lists them";
   device.options = default_options(*protocol);
   while (!line.empty()) {
-    const std::string_view word = next_word(line);
-    const std::string_view key = word.substr(0, word.find('='));
-    const auto value =
-        option_value(*protocol, key, word.substr(std::min(word.size(), key.size() + 1)));
+    std::string_view text = take_until(line, ' ');
+    const std::string_view key = take_until(text, '=');
+    const auto value = option_value(*protocol, key, text);
     if (!value) return "a setting of the device is not one of its protocol's, or out of range";
     device.options[std::string(key)] = *value;
   }
@@ -132,22 +124,22 @@ std::string take_device(std::string_view line, Recording& out) {
 /// Takes the line of a frame. Returns the fault in it, or an empty text.
 std::string take_frame(std::string_view line, Recording& out) {
   RecordedFrame frame;
-  const auto at = us_from(next_word(line));
+  const auto at = us_from(take_until(line, ' '));
   if (!at) return "the time must be as in 2026-11-21T08:30:15.250123Z";
   frame.at_us = *at;
-  const auto way = std::ranges::find(kWays, next_word(line));
+  const auto way = std::ranges::find(kWays, take_until(line, ' '));
   if (way == kWays.end()) return "after the time, out, in, failed or unasked must follow";
   frame.way = static_cast<Way>(way - kWays.begin());
-  const std::string_view device = next_word(line);
+  const std::string_view device = take_until(line, ' ');
   const auto number = number_from<std::uint16_t>(device);
   if (device != "-" && (!number || *number >= out.devices.size()))
     return "the number of the device has no line `device`";
   frame.device = number.value_or(kNoDevice);
-  const auto after = number_from<double>(next_word(line));
+  const auto after = number_from<double>(take_until(line, ' '));
   if (!after || !(*after >= 0 && *after <= kMostAfterMs))
     return "the milliseconds must be a number from 0 to 1000000000";
   frame.after = std::chrono::nanoseconds(std::llround(*after * 1e6));
-  const std::string_view hex = next_word(line);
+  const std::string_view hex = take_until(line, ' ');
   if (hex.empty()) return "the bytes are missing: two hex digits each, or - for none";
   if (hex != "-") {
     auto bytes = from_hex(hex);
@@ -163,11 +155,11 @@ std::string take_frame(std::string_view line, Recording& out) {
 std::string take_line(std::string_view line, Recording& out) {
   if (line.empty() || line.front() == '#') return {};
   if (line.front() >= '0' && line.front() <= '9') return take_frame(line, out);
-  const std::string_view key = next_word(line);
+  const std::string_view key = take_until(line, ' ');
   if (key == "device") return take_device(line, out);
   if (key == "number") return {};  // for programs that know no codec
   if (key == "agent") {
-    out.head.agent = next_word(line);
+    out.head.agent = take_until(line, ' ');
     out.head.version = line;
   } else if (key == "link") {
     out.head.link = line;
@@ -233,16 +225,13 @@ tl::expected<Recording, std::string> parse_recording(std::string_view text) {
     return Fault("the file has " + std::to_string(text.size()) +
                  " bytes; a recording has at most " + std::to_string(kMostRecordingBytes) +
                  ": take a file that the recorder wrote");
-  if (text.substr(0, text.find('\n')) != kFirstLine)
+  if (take_until(text, '\n') != kFirstLine)
     return Fault("line 1: a recording begins with \"" + std::string(kFirstLine) +
                  "\": take a file that the recorder wrote, or a newer fxagent");
-  text.remove_prefix(std::min(text.size(), kFirstLine.size() + 1));
   Recording out;
   for (std::size_t line = 2; !text.empty(); ++line) {
-    const std::size_t end = std::min(text.find('\n'), text.size());
-    const std::string why = take_line(text.substr(0, end), out);
+    const std::string why = take_line(take_until(text, '\n'), out);
     if (!why.empty()) return Fault("line " + std::to_string(line) + ": " + why);
-    text.remove_prefix(std::min(text.size(), end + 1));
   }
   return out;
 }
