@@ -23,27 +23,20 @@ using mc::span_of;
 using mc::to_string;
 using mc::width_of;
 
-/// Finds a model up to the FX3U. FX3UC and others are further names, and have the memory of the
-/// model without the last letter. Returns nullopt for any other name.
-std::optional<Model> model_named(std::string_view name);
-
 /// True if requests of some FX name devices of this space. Coils of timers and counters are named
 /// when a frame is explained, never addressed.
 bool is_addressed(std::uint16_t space);
 
-/// Returns "Y17", "M8000", "CN200".
+// As the functions with these names in mc/device.h, for models and devices of an FX up to the FX3U
+// only. Call them with their namespace.
+std::optional<Model> model_named(std::string_view name);
 std::string device_name(Space space, std::uint32_t number);
-/// Returns the name of the device that contains the span's first bit.
 std::string device_name(const Span& span);
-
-// As the functions with these names in mc/device.h, for the devices of an FX only. Call them with
-// their namespace.
 Result<Address> parse_address(Model model, std::string_view text, std::optional<DataType> type);
 bool needs_type(std::string_view text);
 Result<Span> parse_range(Model model, std::string_view text);
 Result<void> check_range(Model model, const Span& span);
-/// Accepts a single bit, whole bytes of a bit device, and whole words, but never M8034-M8037 and
-/// M8118.
+/// Accepts a bit, whole bytes of a bit device, and whole words, but never M8034-M8037 and M8118.
 Result<void> check_write(Model model, const Span& span);
 
 }  // namespace fxagent::fx

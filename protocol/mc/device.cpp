@@ -420,11 +420,9 @@ std::optional<Space> space_coded_1e(std::uint16_t one_e) {
   return first_space([&](const DeviceKind& kind) { return one_e != 0 && kind.one_e == one_e; });
 }
 
-std::uint32_t base_of(Model model, Space space) { return base_of(model, kind_of(space).numbering); }
-
 // QnUCPU user's manual (function explanation), table 6.44: devices of the serial communication.
 std::uint32_t ascii_base_of(Model model, Space space) {
-  return space == Space::zr ? 16 : base_of(model, space);
+  return space == Space::zr ? 16 : base_of(model, kind_of(space).numbering);
 }
 
 std::vector<Numbers> numbers_of(Model model, Space space) {
@@ -450,7 +448,8 @@ Span span_of(Space space, Numbers numbers) {
 }
 
 std::string device_name(Model model, Space space, std::uint32_t number) {
-  return std::string(kind_of(space).letters) + digits_of(number, base_of(model, space));
+  const DeviceKind& kind = kind_of(space);
+  return std::string(kind.letters) + digits_of(number, base_of(model, kind.numbering));
 }
 
 std::string device_name(Model model, const Span& span) {

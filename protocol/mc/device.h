@@ -1,9 +1,10 @@
-// Device names of Mitsubishi PLCs (X1F, ZR100, STN5, SM400, D100.F, K4M0), their memory, and their
-// codes in MC frames. Shared by 1E, 3E, 4E, the C frames, and the FX protocols (fx/device.h).
+// The devices of Mitsubishi PLCs: places in their memory, such as the input X1F, the relay M100,
+// the register D100 and the timer value STN5. The letters name the kind of memory, the number the
+// place in it. Has the devices of each model, their names, and their codes in frames, for the
+// protocols of MC and of FX (fx/device.h).
 // Sources: SH-080008 (device codes), JY997D56001 (FX5), JY997D45801 and JY997D18101 (FX3G, FX3U),
-// JY992D69901, 7.7.2 (FX0N to FX2N). FX3S is from product knowledge and unverified.
-// The parameters of a Q, L or iQ-R set the number of devices of a kind; here is the largest number
-// possible.
+// JY992D69901, 7.7.2 (FX0N to FX2N). FX3S is from product knowledge and unverified. The parameters
+// of a Q, L or iQ-R set the number of devices of a kind; here is the largest number possible.
 #pragma once
 
 #include <cstdint>
@@ -16,6 +17,8 @@
 #include "protocol/value/result.h"
 
 namespace fxagent::mc {
+
+// ---- models ------------------------------------------------------------------------------------
 
 enum class Model : std::uint8_t {
   unknown,     ///< any model with 3E, 4E or C frames: the widest
@@ -36,6 +39,13 @@ enum class Model : std::uint8_t {
   q_by_1e,  ///< the devices of a Q or L that 1E frames reach
   l_by_1e,
 };
+/// Returns "FX5U" or "iQ-R"; empty for an unknown model.
+std::string_view to_string(Model model);
+/// Finds a model by its name or by that of its kin: "FX3UC" is an FX3U. nullopt: another name.
+std::optional<Model> model_named(std::string_view name);
+/// Returns the model as 1E frames see it: a Q or L has only the devices of an A series PLC, and an
+/// unknown model is an FX3.
+Model seen_by_1e(Model model);
 
 /// The series decides numbering, codes and limits.
 enum class Series : std::uint8_t {
@@ -47,26 +57,34 @@ enum class Series : std::uint8_t {
   iq_r,
 };
 Series series_of(Model model);
-/// True for every FX up to the FX3.
-bool is_fx(Model model);
+bool is_fx(Model model);  ///< FX0N to FX3U
 
-/// Returns "FX5U" or "iQ-R"; empty for an unknown model.
-std::string_view to_string(Model model);
-/// Finds a model by its own name or by that of its kin: "FX3UC" is an FX3U. nullopt for other
-/// names.
-std::optional<Model> model_named(std::string_view name);
-/// Returns the model as 1E frames see it: a Q or L has only the devices of an A series PLC, and an
-/// unknown model is an FX3.
-Model seen_by_1e(Model model);
+// ---- names -------------------------------------------------------------------------------------
+
+// See the functions of AddressSpace with these names. Device names may be in lower case and have
+// leading zeros. X and Y are numbered in octal on an FX and in hexadecimal on others: above 7 they
+// are refused while the model is unknown.
+Result<Address> parse_address(Model model, std::string_view text, std::optional<DataType> type);
+bool needs_type(std::string_view text);
+Result<Span> parse_range(Model model, std::string_view text);
+Result<void> check_range(Model model, const Span& span);
+/// Accepts any bits of a bit device and whole devices of other kinds, but never M8034-M8037 and
+/// M8118 of an FX up to the FX3 and SM8034-SM8037 of an FX5: they switch RUN and STOP or all
+/// outputs, or open the program memory.
+Result<void> check_write(Model model, const Span& span);
+/// Returns the name of the device that contains the span's first bit: "Y17", "M8000", "W1F".
+std::string device_name(Model model, const Span& span);
+
+// ---- memory ------------------------------------------------------------------------------------
 
 /// Kinds of device memory. M8000 up and D8000 up of an FX up to the FX3 are separate memory, and
 /// its CN200-CN255 are 32 bits wide: each is a space that counts from its first device.
 enum class Space : std::uint16_t {
-  x,
-  y,
-  dx,
+  x,   ///< inputs
+  y,   ///< outputs
+  dx,  ///< the same two, read directly from the modules
   dy,
-  m,
+  m,          ///< relays: bits of the PLC's program, like L to S
   special_m,  ///< M8000 up of an FX
   l,
   f,
@@ -74,7 +92,7 @@ enum class Space : std::uint16_t {
   b,
   sb,
   s,
-  sm,
+  sm,  ///< state of the PLC itself, like SD
   ts,  ///< contacts, coils and values of timers, retentive timers and counters
   tc,
   tn,
@@ -90,7 +108,7 @@ enum class Space : std::uint16_t {
   lcn,  ///< 32 bits, like the next two and LZ
   ltn,
   lstn,
-  d,
+  d,          ///< registers: words of the PLC's program, like W to LZ
   special_d,  ///< D8000 up of an FX
   w,
   sw,
@@ -102,11 +120,24 @@ enum class Space : std::uint16_t {
   lz,
 };
 inline constexpr std::uint16_t kSpaces = 38;
-
 constexpr std::uint16_t id(Space space) { return static_cast<std::uint16_t>(space); }
 
-enum class Numbering : std::uint8_t { decimal, hexadecimal, octal_on_fx };
+/// Device numbers, both ends inclusive. X17 of an FX is number 15.
+struct Numbers {
+  std::uint32_t first = 0;
+  std::uint32_t last = 0;
+};
+/// Returns the numbers of a model in a space: one run, or two (counter contacts of FX0N and FX1S);
+/// none if the model lacks the kind. An unknown model has the largest number of all models.
+std::vector<Numbers> numbers_of(Model model, Space space);
+bool has_device(Model model, Space space, std::uint32_t number);
+/// Returns the bits of `numbers` in their space.
+Span span_of(Space space, Numbers numbers);
+std::string device_name(Model model, Space space, std::uint32_t number);
 
+// ---- codes in frames ---------------------------------------------------------------------------
+
+enum class Numbering : std::uint8_t { decimal, hexadecimal, octal_on_fx };
 struct DeviceKind {
   std::string_view letters;  ///< "STN"; padded with blanks or asterisks also the ASCII code of iQ-R
   std::uint8_t binary = 0;   ///< code in 3E, 4E, 3C and 4C frames
@@ -122,45 +153,13 @@ const DeviceKind& kind_of(Space space);
 inline std::uint32_t width_of(std::uint16_t space) {
   return kind_of(static_cast<Space>(space)).bits;
 }
-/// Returns the kind for a code of 3E and C frames, or of 1E. In 1E, CN32 and M8000 up have the
-/// codes of CN and M. nullopt: no such code.
+/// Return the kind for a code of 3E and C frames, or of 1E; nullopt: no such code. In 1E, M8000 up,
+/// D8000 up and CN32 have the codes of M, D and CN, which are returned.
 std::optional<Space> space_coded(std::uint8_t binary);
 std::optional<Space> space_coded(std::string_view ascii);
 std::optional<Space> space_coded_1e(std::uint16_t one_e);
-/// Returns 8, 10 or 16; 16 for X and Y of an unknown model.
-std::uint32_t base_of(Model model, Space space);
-
-/// The same for the digits of a number in ASCII code: 16 for ZR, whose names are decimal.
+/// Returns the base of device numbers in ASCII code: 8, 10 or 16. Names have the same, except that
+/// those of ZR are decimal. 16 for X and Y of an unknown model.
 std::uint32_t ascii_base_of(Model model, Space space);
-
-/// Device numbers, both ends inclusive. X17 of an FX is number 15.
-struct Numbers {
-  std::uint32_t first = 0;
-  std::uint32_t last = 0;
-};
-/// Returns the numbers of a model in a space: one run, or two (counter contacts of FX0N and FX1S);
-/// none if the model lacks the kind. An unknown model has the largest number of all models.
-std::vector<Numbers> numbers_of(Model model, Space space);
-/// True if the model has this device.
-bool has_device(Model model, Space space, std::uint32_t number);
-
-/// Returns the bits of `numbers` in their space.
-Span span_of(Space space, Numbers numbers);
-/// Returns "Y17", "M8000", "W1F".
-std::string device_name(Model model, Space space, std::uint32_t number);
-/// Returns the name of the device that contains the span's first bit.
-std::string device_name(Model model, const Span& span);
-
-// As the functions of AddressSpace with these names. Names may be in lower case and have leading
-// zeros. X and Y above 7 are refused while the model is unknown, because the base of their numbers
-// is unknown.
-Result<Address> parse_address(Model model, std::string_view text, std::optional<DataType> type);
-bool needs_type(std::string_view text);
-Result<Span> parse_range(Model model, std::string_view text);
-Result<void> check_range(Model model, const Span& span);
-/// Accepts any bits of a bit device and whole devices of other kinds, but never M8034-M8037 and
-/// M8118 of an FX up to the FX3 and SM8034-SM8037 of an FX5: they switch RUN and STOP or all
-/// outputs, or open the program memory.
-Result<void> check_write(Model model, const Span& span);
 
 }  // namespace fxagent::mc

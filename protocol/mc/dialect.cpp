@@ -42,7 +42,7 @@ Limits limits_of(const Dialect& dialect, bool long_codes) {
 }
 
 bool has_doubtful_digits(const Dialect& dialect, Space space) {
-  return dialect.code == Code::ascii && base_of(dialect.model, space) == 8;
+  return dialect.code == Code::ascii && ascii_base_of(dialect.model, space) == 8;
 }
 
 bool has_name(const Dialect& dialect, Space space) {

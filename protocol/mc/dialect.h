@@ -44,18 +44,16 @@ struct Dialect {
   Series series() const { return series_of(model); }
 };
 
-/// Read::way: 0401 by bits; 0401 by words; 0403 by double words, which 32-bit devices need. In a
-/// Gather: words and double words of 0403, and blocks of 0406.
-inline constexpr std::uint8_t kBitWay = 0;
-inline constexpr std::uint8_t kWordWay = 1;
-inline constexpr std::uint8_t kDwordWay = 2;
-inline constexpr std::uint8_t kRandomWay = 3;
-inline constexpr std::uint8_t kBlockWay = 4;
-/// GatherCommand::gather: 0403 and 0406.
-inline constexpr std::uint8_t kRandomRead = 1;
-inline constexpr std::uint8_t kBlockRead = 2;
-/// Added to the way of a write after an iQ-R has refused its own device codes: selects those of Q
-/// and L.
+// Read::way.
+inline constexpr std::uint8_t kBitWay = 0;     ///< 0401 by bits
+inline constexpr std::uint8_t kWordWay = 1;    ///< 0401 by words
+inline constexpr std::uint8_t kDwordWay = 2;   ///< 0403 by double words, which 32-bit devices need
+inline constexpr std::uint8_t kRandomWay = 3;  ///< words and double words of 0403, in a Gather
+inline constexpr std::uint8_t kBlockWay = 4;   ///< blocks of 0406, in a Gather
+// GatherCommand::gather.
+inline constexpr std::uint8_t kRandomRead = 1;  ///< 0403
+inline constexpr std::uint8_t kBlockRead = 2;   ///< 0406
+/// Added to Write::way after an iQ-R has refused its own device codes: selects those of Q and L.
 inline constexpr std::uint8_t kPlainCodes = 0x80;
 /// True if requests by this way have the 2-byte codes and 4-byte numbers of iQ-R.
 bool has_long_codes(const Dialect& dialect, std::uint8_t way);
@@ -75,8 +73,7 @@ Limits limits_of(const Dialect& dialect, bool long_codes);
 /// unsupported if this model has no such way.
 Result<ReadWay> way_of(const Dialect& dialect, const Read& read);
 
-/// True if it is unknown how device numbers of this kind above 7 are written: X and Y of an FX5 in
-/// ASCII code.
+/// True if the digits of numbers above 7 are not known: X and Y of an FX5 in ASCII code.
 bool has_doubtful_digits(const Dialect& dialect, Space space);
 /// The number of such devices whose name is certain, and the number that one word from the first of
 /// them covers.

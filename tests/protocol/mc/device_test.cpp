@@ -155,10 +155,10 @@ TEST(McDevice, XAndYAreOctalOnFxHexadecimalElsewhereAndUnknownUntilTheModelIs) {
             "X8 does not exist: X of FX5U is numbered in octal, after X7 comes X10");
   EXPECT_EQ(refusal(Model::fx3u, "Y1F"),
             "Y1F does not exist: Y of FX3U is numbered in octal, after Y17 comes Y20");
-  EXPECT_EQ(base_of(Model::fx5s, Space::x), 8U);
-  EXPECT_EQ(base_of(Model::fx5s, Space::b), 16U);
-  EXPECT_EQ(base_of(Model::q, Space::y), 16U);
-  EXPECT_EQ(base_of(Model::q, Space::zr), 10U);
+  EXPECT_EQ(ascii_base_of(Model::fx5s, Space::x), 8U);
+  EXPECT_EQ(ascii_base_of(Model::fx5s, Space::b), 16U);
+  EXPECT_EQ(ascii_base_of(Model::q, Space::y), 16U);
+  EXPECT_EQ(device_name(Model::q, Space::zr, 10), "ZR10");
   for (const char* text : {"X8", "X10", "Y1F", "K4X10"})
     expect_says(refusal(Model::unknown, text), "`model` must be set");
   EXPECT_EQ(address(Model::unknown, "Y007").text, "Y7");
