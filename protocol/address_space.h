@@ -14,31 +14,29 @@
 namespace fxagent {
 
 /// A command that reads several places in one frame (random read, blocks), and the limits of that
-/// frame. Its parts may be reads of different spaces, by ways that name the command.
+/// frame. Its parts may be reads of different spaces.
 struct GatherCommand {
-  std::uint8_t gather = 1;  ///< ReadWay::gather of these ways; above 0
+  std::uint8_t gather = 1;  ///< number of the command, above 0
   std::uint32_t max_parts = 1;
   std::uint32_t max_bits = 0xFFFFFFFF;  ///< all parts together
 };
 
-/// One way to read part of a space. Such a read starts at a multiple of `align_bits` from the start
-/// of the space and lies inside [first_bit, end_bit). Its length is a multiple of `unit_bits`, at
-/// most `max_bits`. All lengths are in bits of the image.
+/// One way to read part of a space: a command, and the reads that it can do. Such a read starts at
+/// a multiple of `align_bits` from the start of the space and lies inside [first_bit, end_bit). Its
+/// length is a multiple of `unit_bits`, at most `max_bits`. All lengths are in bits of the image.
 struct ReadWay {
-  std::uint8_t way = 0;  ///< copied to Read::way
-  /// A point uses a way of the lowest tier that reaches it. Tiers never mix.
+  std::uint8_t way = 0;  ///< number of this way, copied to Read::way
+  /// A point is read by the lowest tier that reaches it. No read serves points of two tiers.
   std::uint8_t tier = 0;
   std::uint32_t first_bit = 0;
   std::uint32_t end_bit = 0;
   std::uint32_t align_bits = 8;
   std::uint32_t unit_bits = 8;
   std::uint32_t max_bits = 512;
-  /// Longest run of unrequested bits inside a read.
-  std::uint32_t max_gap_bits = 0xFFFFFFFF;
+  std::uint32_t max_gap_bits = 0xFFFFFFFF;  ///< longest run of unrequested bits inside a read
   /// 0: a read by this way is an exchange of its own. Otherwise it is a part of a Gather by the
-  /// GatherCommand of this number, if need be the only part, and the limits above are those of one
-  /// part. Random read of words and double words: unit_bits 16, max_bits 32. Block read: the size
-  /// of one block. Such a way has its own `way` number, too.
+  /// GatherCommand of this number, if need be the only part, and the limits above are those of a
+  /// part: the size of a block, or of a random read unit_bits 16 and max_bits 32 (double word).
   std::uint8_t gather = 0;
 };
 
@@ -92,8 +90,7 @@ class AddressSpace {
   virtual std::uint32_t max_write_bits(std::uint16_t space) const = 0;
 };
 
-/// Returns the names of the first and the last device of `span`, "D100 to D103"; of a single device
-/// "D100".
+/// Returns the first and the last device of `span`, "D100 to D103"; of a single device "D100".
 inline std::string names_of(const AddressSpace& addresses, const Span& span) {
   const std::string first = addresses.name_of({span.space, span.first_bit, 1});
   const std::string last = addresses.name_of({span.space, span.end_bit() - 1, 1});

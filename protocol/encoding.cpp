@@ -68,7 +68,7 @@ Result<ReadWay> way_for(const std::vector<ReadWay>& ways, std::uint8_t number, c
                                           " bits cannot be " + std::string(how) + " on this model");
 }
 
-std::optional<Request> Codec::apart_from(const Request& request) const {
+std::optional<Request> Codec::shorter_read(const Request& request) const {
   const auto* gather = std::get_if<Gather>(&request);
   if (gather != nullptr && gather->parts.size() > 1) return Gather{{gather->parts.front()}};
   const auto* read = std::get_if<Read>(&request);

@@ -1,5 +1,5 @@
 // Numbers and control characters on the wire, and steps of Codec::encode() that several protocols
-// share. The .cpp also has Codec::combine() and apart_from().
+// share. The .cpp also has Codec::combine() and shorter_read().
 #pragma once
 
 #include <cstdint>

@@ -428,7 +428,7 @@ TEST(CodecContract, EveryAnswerMayPassForAnAnswer) {
 
 TEST(CodecContract, AQuestionThatIsToldApartHasAShorterAnswer) {
   for_each_sample([](const Sample& sample, const Codec& codec, const Bytes&) {
-    const auto apart = codec.apart_from(sample.request);
+    const auto apart = codec.shorter_read(sample.request);
     if (!apart) return;
     EXPECT_LT(codec.line_length(*apart).reply_chars, codec.line_length(sample.request).reply_chars);
     EXPECT_TRUE(codec.encode(*apart, 1));

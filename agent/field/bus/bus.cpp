@@ -149,7 +149,7 @@ asio::awaitable<Exchange> Bus::probe(const Station& station, const Request& requ
   Exchange probing;
   for (int i = 0; i < kProbesInARow && !probing.is_data(); ++i) {
     auto question = codec.probe(overheard_.late().probe());
-    if (!question && overheard_.doubt().is_doubted()) question = codec.apart_from(request);
+    if (!question && overheard_.doubt().is_doubted()) question = codec.shorter_read(request);
     if (!question) {
       probing.outcome = Exchange::Outcome::answered;  // no read with an answer of another length
       co_return probing;

@@ -574,9 +574,9 @@ TEST(McPlc, ProbesHaveAnswersOfTheirOwnLengths) {
     for (std::size_t i = 1; i < lengths.size(); ++i) EXPECT_NE(lengths[i - 1], lengths[i]);
   }
   const Mc mc = codec(Frame::e3);
-  EXPECT_EQ(std::get<Read>(*mc.apart_from(kTwoWords)).span.bits, 16U);
-  EXPECT_FALSE(mc.apart_from(Read{{kD, 0, 16}, kWordWay}));
-  EXPECT_FALSE(mc.apart_from(kWrite));
+  EXPECT_EQ(std::get<Read>(*mc.shorter_read(kTwoWords)).span.bits, 16U);
+  EXPECT_FALSE(mc.shorter_read(Read{{kD, 0, 16}, kWordWay}));
+  EXPECT_FALSE(mc.shorter_read(kWrite));
 }
 
 // ---- options of the config ---------------------------------------------------------------------

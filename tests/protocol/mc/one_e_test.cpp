@@ -420,11 +420,11 @@ TEST(OneE, ProbesHaveAnswersThatNoOtherProbeAndNoWriteHas) {
 }
 
 TEST(OneE, AQuestionThatIsToldApartIsShorter) {
-  EXPECT_EQ(plc().apart_from(kWords), Request(Read({{id(Space::d), 0, 16}, kWordWay})));
-  EXPECT_EQ(plc().apart_from(kBits), Request(Read({{id(Space::m), 0, 3}, kBitWay})));
-  EXPECT_EQ(plc().apart_from(Read{{id(Space::m), 0, 2}, kBitWay}), std::nullopt);
-  EXPECT_EQ(plc().apart_from(Read{span("CN200", 1), kWordWay}), std::nullopt);
-  EXPECT_EQ(plc().apart_from(kForce), std::nullopt);
+  EXPECT_EQ(plc().shorter_read(kWords), Request(Read({{id(Space::d), 0, 16}, kWordWay})));
+  EXPECT_EQ(plc().shorter_read(kBits), Request(Read({{id(Space::m), 0, 3}, kBitWay})));
+  EXPECT_EQ(plc().shorter_read(Read{{id(Space::m), 0, 2}, kBitWay}), std::nullopt);
+  EXPECT_EQ(plc().shorter_read(Read{span("CN200", 1), kWordWay}), std::nullopt);
+  EXPECT_EQ(plc().shorter_read(kForce), std::nullopt);
 }
 
 TEST(OneE, OnlyWhatBeginsLikeAnAnswerMayPassForOne) {
