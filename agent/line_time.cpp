@@ -22,6 +22,18 @@ LineCost cost_of(const DeviceConfig& device, nanoseconds char_time, nanoseconds 
   return {char_time, turnaround + device.gap};
 }
 
+nanoseconds exchange_time(const Codec& codec, const Request& request, const LineTiming& timing) {
+  const auto one = [&](const Request& asked) {
+    const LineLength length = codec.line_length(asked);
+    return timing.char_time * (length.request_chars + length.reply_chars + length.more_reply_chars +
+                               length.closing_chars) +
+           timing.turnaround + std::max(timing.gap, codec.quiet_before(timing.char_time)) +
+           codec.pause_after(asked);
+  };
+  const auto enquiry = codec.resync();
+  return enquiry && timing.enquires_always ? one(*enquiry) + one(request) : one(request);
+}
+
 Plan reads_of(const Codec& codec, const DeviceConfig& device, const Point& point,
               std::span<const Holes::Limit> limits) {
   const std::span only(&point, 1);

@@ -11,6 +11,22 @@
 
 namespace fxagent {
 
+/// Time that a device and its line add to the characters of an exchange.
+struct LineTiming {
+  std::chrono::nanoseconds char_time{0};
+  std::chrono::nanoseconds gap{0};         ///< silence before a request, from the config
+  std::chrono::nanoseconds turnaround{0};  ///< the device's own time
+  bool enquires_always = false;            ///< an enquiry precedes each request
+};
+/// Returns that of `device`, with the configured turnaround. `char_time` as in LinkConfig; 0 leaves
+/// only the part that does not depend on the speed.
+LineTiming timing_of(const DeviceConfig& device, std::chrono::nanoseconds char_time);
+
+/// Returns the longest line time of one successful exchange, whatever its values, counted from the
+/// end of the previous exchange. Includes the enquiry if `enquires_always`.
+std::chrono::nanoseconds exchange_time(const Codec& codec, const Request& request,
+                                       const LineTiming& timing);
+
 /// Interval of the background_question() (contract: 10 s).
 inline constexpr std::chrono::milliseconds kQuestionInterval{10000};
 
@@ -18,11 +34,6 @@ inline constexpr std::chrono::milliseconds kQuestionInterval{10000};
 /// protocol supports it; otherwise, for a device without tags, whether the device is present.
 /// nullopt: no question.
 std::optional<Request> background_question(const Codec& codec, bool has_tags);
-
-/// Returns the time that `device` and its bus add to the characters of an exchange, with the
-/// configured turnaround. `char_time` as in LinkConfig; 0 leaves only the part that does not depend
-/// on the speed.
-LineTiming timing_of(const DeviceConfig& device, std::chrono::nanoseconds char_time);
 
 /// Returns the costs that the planner weighs for `device`. `turnaround` is configured or measured.
 LineCost cost_of(const DeviceConfig& device, std::chrono::nanoseconds char_time,

@@ -63,7 +63,7 @@ Forbidden::Forbidden(const Holes& holes, std::uint16_t space,
   for (const Span& span : holes.missing)
     if (span.space == space) missing_.push_back({span.first_bit, span.end_bit()});
   missing_ = smallest(std::move(missing_));
-  for (const Span& span : merged(holes.apart))
+  for (const Span& span : merged(holes.never_gathered))
     if (span.space == space) apart_.push_back({span.first_bit, span.end_bit()});
 }
 

@@ -64,13 +64,13 @@ void reduce(Bucket& bucket);
 using Cost = std::int64_t;
 inline constexpr Cost kImpossible = std::numeric_limits<Cost>::max();
 
-/// Terms for the parts of one gather command: the price besides the characters of a Gather that
-/// holds the part alone, and whether the search counts them.
+/// Price of each part of a Gather by one command, in addition to the characters of a Gather that
+/// holds only this part.
 struct PartPrice {
   bool open = false;  ///< false: no part uses this command
   Cost each = 0;      ///< may be negative
   Cost each_bit = 0;
-  bool counted = false;  ///< the search counts the parts; at most one command's
+  bool counted = false;  ///< the search counts the parts; true for at most one command
 };
 /// Terms of one search, by GatherCommand::gather. A command beyond the end is not open.
 using Terms = std::vector<PartPrice>;

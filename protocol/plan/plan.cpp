@@ -205,19 +205,6 @@ void tell_neighbours_apart(Plan& plan, const std::vector<std::uint32_t>& lengths
 
 }  // namespace
 
-std::chrono::nanoseconds exchange_time(const Codec& codec, const Request& request,
-                                       const LineTiming& timing) {
-  const auto one = [&](const Request& asked) {
-    const LineLength length = codec.line_length(asked);
-    return timing.char_time * (length.request_chars + length.reply_chars + length.more_reply_chars +
-                               length.closing_chars) +
-           timing.turnaround + std::max(timing.gap, codec.quiet_before(timing.char_time)) +
-           codec.pause_after(asked);
-  };
-  const auto enquiry = codec.resync();
-  return enquiry && timing.enquires_always ? one(*enquiry) + one(request) : one(request);
-}
-
 Plan make_plan(const Codec& codec, std::span<const Point> points, const LineCost& cost,
                std::uint32_t max_block_bytes, const Holes& holes) {
   Plan plan;

@@ -1,5 +1,5 @@
-// Plans exchanges for points, and extracts values from their answers: the reads with the least line
-// time, and the writes of a value.
+// Plans the reads of points with the least time on the line, and extracts the values from their
+// answers. Also plans the writes of a value. Pure; any thread.
 #pragma once
 
 #include <chrono>
@@ -9,93 +9,47 @@
 #include <vector>
 
 #include "protocol/codec.h"
+#include "protocol/plan/holes.h"
 #include "protocol/value/point.h"
 #include "protocol/value/value.h"
 
 namespace fxagent {
 
-/// Cost of an exchange besides its own characters.
+/// Line time of an exchange: its characters, and a part that every exchange has.
 struct LineCost {
   std::chrono::nanoseconds per_char{0};  ///< 10 bits at 9600 baud: 1.0417 ms
-  /// The device's own time plus the gap before a request.
-  std::chrono::nanoseconds per_exchange{0};
+  std::chrono::nanoseconds per_exchange{
+      0};  ///< the device's own time plus the gap before a request
 
   std::chrono::nanoseconds of(const LineLength& length) const {
     return per_exchange + per_char * length.planned_chars();
   }
 };
 
-/// Time that a device and its line add to the characters of an exchange.
-struct LineTiming {
-  std::chrono::nanoseconds char_time{0};
-  std::chrono::nanoseconds gap{0};         ///< silence before a request, from the config
-  std::chrono::nanoseconds turnaround{0};  ///< the device's own time
-  bool enquires_always = false;            ///< an enquiry precedes each request
-};
-/// Returns the longest line time of one successful exchange, whatever its values, counted from the
-/// end of the previous exchange. Includes the enquiry if `enquires_always`.
-std::chrono::nanoseconds exchange_time(const Codec& codec, const Request& request,
-                                       const LineTiming& timing);
-
-/// One read of a plan and the points in it, by their index in the list given to make_plan().
 struct PlannedRead {
   Read read;
-  std::vector<std::uint32_t> points;
+  std::vector<std::uint32_t> points;  ///< in it, wholly or in part
 };
 
-/// The reads that hold a point's image: `count` consecutive ones. 1 unless the point was split; 0
-/// if no read holds it.
+/// The consecutive reads that hold a point's image.
 struct PointSource {
   std::uint32_t first_read = 0;
-  std::uint32_t count = 0;
-};
-
-/// Places and lengths that a device refuses although its documents allow them.
-struct Holes {
-  /// No read may contain bits of `space` on both sides of `at`.
-  struct Cut {
-    std::uint16_t space = 0;
-    std::uint32_t at = 0;
-    friend bool operator==(const Cut&, const Cut&) = default;
-  };
-  /// No read of `space` may be longer than `bits`.
-  struct Limit {
-    std::uint16_t space = 0;
-    std::uint32_t bits = 0;
-    friend bool operator==(const Limit&, const Limit&) = default;
-  };
-  /// No Gather by this command may have more parts than `parts`. 0: the device lacks the command.
-  struct GatherLimit {
-    std::uint8_t gather = 0;
-    std::uint32_t parts = 0;
-    friend bool operator==(const GatherLimit&, const GatherLimit&) = default;
-  };
-  std::vector<Cut> cuts;
-  std::vector<Limit> limits;
-  std::vector<Span> missing;  ///< no read may contain the whole of one of these
-  std::vector<GatherLimit> gather_limits;
-  std::vector<Span> apart;  ///< no Gather may touch one of these
-  /// A Gather that touches one of these consists only of such parts, at most `most_suspects`: one
-  /// of them may be refused and cause the others to fail.
-  std::vector<Span> suspects;
-  std::uint32_t most_suspects = 1;
-  /// Largest number of parts of any other Gather, in a plan that reads a suspect. Other plans have
-  /// no such limit: the suspects may belong to a group that is read once an hour.
-  std::uint32_t most_others = 0xFFFFFFFF;
+  std::uint32_t count = 0;  ///< 1 unless the point was split; 0 if no read holds it
 };
 
 /// Reads that one exchange returns, by their index in Plan::reads. Valid as long as the plan, or
 /// the index, that it views.
 using ReadIndices = std::span<const std::uint32_t>;
 
+/// A point is named by its index in the list given to make_plan().
 struct Plan {
   std::vector<PlannedRead> reads;
   /// Exchanges in the order of sending: a read sent alone, or the parts of a Gather, as ascending
   /// indices in `reads`, never none.
   std::vector<std::vector<std::uint32_t>> exchanges;
-  std::vector<PointSource> sources;        ///< one for each given point, in the same order
+  std::vector<PointSource> sources;        ///< by point
   std::vector<std::uint32_t> unreachable;  ///< points that no way of this model can read
-  std::vector<std::uint32_t> refused;      ///< points that the device's holes leave no read for
+  std::vector<std::uint32_t> refused;      ///< points for which the device's holes leave no read
   std::chrono::nanoseconds line_time{0};   ///< of all exchanges, by the given cost
   /// Processor cost of the search: reads weighed, and frames checked for room. In proportion to the
   /// number of points.
@@ -121,6 +75,16 @@ struct Plan {
 Plan make_plan(const Codec& codec, std::span<const Point> points, const LineCost& cost,
                std::uint32_t max_block_bytes, const Holes& holes = {});
 
+/// Extracts the image of point number `index`, with its first bit at bit 0. `images[r]` answers
+/// `plan.reads[r]`; images of reads that do not hold the point may be empty. Error: unsupported if
+/// not all of the point was read.
+Result<Bytes> image_of(const Plan& plan, std::span<const Bytes> images, const Point& point,
+                       std::size_t index);
+
+/// Returns the value of point number `index`. Errors as image_of() and unpack().
+Result<Value> value_of(const Plan& plan, std::span<const Bytes> images, const Point& point,
+                       std::size_t index);
+
 /// Returns the parts of `points` that these reads of `plan` return, sorted by space and place.
 /// Leaves out the gaps that no point covers.
 std::vector<Span> asked_in(const Plan& plan, ReadIndices which, std::span<const Point> points);
@@ -135,16 +99,6 @@ struct Halves {
 /// if its way cannot read less.
 std::optional<Halves> halves_of(const Codec& codec, std::span<const Point> points,
                                 const PlannedRead& planned);
-
-/// Extracts the image of point number `index`, with its first bit at bit 0. `images[r]` answers
-/// `plan.reads[r]`; images of reads that do not hold the point may be empty. Error: unsupported if
-/// not all of the point was read.
-Result<Bytes> image_of(const Plan& plan, std::span<const Bytes> images, const Point& point,
-                       std::size_t index);
-
-/// Returns the value of point number `index`. Errors as image_of() and unpack().
-Result<Value> value_of(const Plan& plan, std::span<const Bytes> images, const Point& point,
-                       std::size_t index);
 
 /// Returns the requests that write `image` to the point, in sending order: one force for a bit; one
 /// write if a frame can hold it and no border lies inside; otherwise several. Error: bad_request if

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "protocol/catalog.h"
+#include "protocol/mc/mc.h"
 #include "tests/protocol/gathering_codec.h"
 
 namespace fxagent {
@@ -46,6 +47,15 @@ TEST(LineTime, CountsCharactersTurnaroundAndGap) {
   device.enquire = EnquirePolicy::always;
   EXPECT_EQ(read_time(*device.codec, device, d100, {}, timing_of(device, kCharTime)),
             milliseconds(11 + 8 + 30 + 5 + 1 + 1 + 30 + 5));
+}
+
+TEST(LineTime, AllowsForAnAnswerWhoseDataAreAllDoubled) {
+  const mc::Mc codec({.frame = mc::Frame::c4, .model = mc::Model::fx5u, .format = 5});
+  const Request two_words = Read{{id(mc::Space::m), 96, 32}, mc::kWordWay};
+  const LineLength length = codec.line_length(two_words);
+  EXPECT_EQ(length.more_reply_chars, 4U);
+  EXPECT_EQ(exchange_time(codec, two_words, {.char_time = kCharTime}),
+            milliseconds(length.request_chars + length.reply_chars + 4));
 }
 
 TEST(LineTime, OfAWriteIsThatOfTheCommandAndItsAnswer) {

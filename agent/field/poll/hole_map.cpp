@@ -98,7 +98,7 @@ void HoleMap::refused_together(const Gather& gather, const std::vector<Span>& as
     const Span& span = gather.parts.front().span;
     std::erase_if(holes_.suspects, [&](const Span& suspect) { return overlap(suspect, span); });
     refused_gathers_.clear();  // this span was the cause
-    add(holes_.apart, span);
+    add(holes_.never_gathered, span);
     return changed();
   }
   const auto half = static_cast<std::uint32_t>((gather.parts.size() + 1) / 2);
@@ -184,7 +184,7 @@ void HoleMap::forgive(SteadyTime now) {
     return std::ranges::find(asked_again_, span) == asked_again_.end();
   };
   if (std::ranges::none_of(holes_.gather_limits, is_few) &&
-      std::ranges::none_of(holes_.apart, is_apart) && holes_.limits.empty() &&
+      std::ranges::none_of(holes_.never_gathered, is_apart) && holes_.limits.empty() &&
       std::ranges::none_of(borders_, &Border::is_needed))
     return forgive_at_.reset();
   if (!forgive_at_) forgive_at_ = now + forgive_after_;
@@ -192,7 +192,7 @@ void HoleMap::forgive(SteadyTime now) {
   forgive_at_.reset();
   forgive_after_ = std::min(forgive_after_ * 2, kLongestForgiving);
   std::erase_if(holes_.gather_limits, is_few);
-  std::erase_if(holes_.apart, is_apart);
+  std::erase_if(holes_.never_gathered, is_apart);
   holes_.limits.clear();
   std::erase_if(borders_, [](const Border& border) { return border.is_needed(); });
   changed();
@@ -232,7 +232,7 @@ void HoleMap::read(const Span& read) {
   });
   const bool back = std::erase_if(asked_again_, [&](const Span& span) {
                       if (!read.contains(span)) return false;
-                      std::erase(holes_.apart, span);
+                      std::erase(holes_.never_gathered, span);
                       return true;
                     }) > 0;
   // Borders tried inside a span that can be read as a whole are not needed.
@@ -277,7 +277,7 @@ void HoleMap::retry(SteadyTime now) {
     for (const std::uint32_t at : {span.first_bit, span.end_bit()})
       borders_.push_back({.cut = {span.space, at}, .reason = span});
     add(asked_again_, span);
-    if (is_gathered_) add(holes_.apart, span);
+    if (is_gathered_) add(holes_.never_gathered, span);
   }
   holes_.missing.clear();
   changed();

@@ -1,6 +1,6 @@
 // Learns what one device refuses although its documents allow it: missing registers, blocks that
-// are too long, commands for several places at once. Halves each refused read until the cause is
-// found. Pure: time is an argument. Field thread.
+// are too long, commands for several places at once (Gather). Halves each refused read until the
+// cause is found. Pure: time is an argument. Field thread.
 #pragma once
 
 #include <cstdint>
@@ -14,26 +14,34 @@ namespace fxagent {
 
 class HoleMap final {
  public:
-  /// Returns the restrictions for the next plan.
+  /// Returns the restrictions for the next plan. version() rises with each change of them.
   const Holes& holes() const { return holes_; }
+  std::uint32_t version() const { return version_; }
   /// Returns the limits for the reads of commands. A limit that retry() lifts stays here until a
   /// longer read succeeds: its trial with polls must not cost a command its deadline.
   const std::vector<Holes::Limit>& command_limits() const { return command_limits_; }
-  /// Incremented whenever holes() changes.
-  std::uint32_t version() const { return version_; }
 
+  // ---- reads, alone or in a Gather
+
+  /// Records a successful read. If both halves of a refused read are good, the gap between them is
+  /// missing; without a gap the whole was too long. No limit is shorter than a value of 64 bits,
+  /// which two reads could tear: then only that cut stays.
+  void read(const Span& read);
   /// Records that the device refused this read. With `halves`, both are read separately afterwards.
   /// Without them, the span is missing and left out until a retry. `asked` is the result of
   /// asked_in() if the device's codec may put the read into a Gather with others; otherwise empty.
   void refused(const Span& read, const std::optional<Halves>& halves, SteadyTime now,
                const std::vector<Span>& asked = {});
-  /// Records that the device refused these reads in one Gather; `asked` is the result of
-  /// asked_in(). Afterwards they are read in halves, apart from others. If all that was asked for
-  /// proves readable, by whatever way, the Gather had too many parts. If it had only one part, that
-  /// part is read in another way afterwards.
-  void refused_together(const Gather& gather, const std::vector<Span>& asked);
+
+  // ---- Gathers
+
   /// Records that a Gather of `parts` parts was answered; read() records each of them.
   void read_together(std::size_t parts);
+  /// Records that the device refused these reads in one Gather; `asked` is the result of
+  /// asked_in(). Afterwards Gathers have half as many of them, and no others. If all that was asked
+  /// for proves readable, by whatever way, the Gather had too many parts. A part that was refused
+  /// on its own is read in another way afterwards.
+  void refused_together(const Gather& gather, const std::vector<Span>& asked);
   /// Records that the device gave no answer, or nonsense, to a Gather by this command. The command
   /// may be the cause: no Gather uses it until the device has answered something else.
   void unanswered(std::uint8_t gather);
@@ -48,16 +56,11 @@ class HoleMap final {
   /// this is new.
   bool lacks(std::uint8_t gather, SteadyTime now);
 
-  /// Records a successful read. If both halves of a refused read are good, either the gap between
-  /// them is missing or, if there is none, the whole was too long. No limit is shorter than a value
-  /// of 64 bits, which two reads could tear apart: instead, that cut alone stays.
-  void read(const Span& read);
-
-  /// Lifts restrictions whose time has come. Their cause may have gone: a new program or device, a
-  /// password, a wrong setting. Missing spans are read again, apart from their neighbours so that a
-  /// refusal does not harm these. Commands that the device did not know are tried again. Limits of
-  /// blocks and of the parts of a Gather, cuts that were found to be needed, and spans read only
-  /// outside of a Gather are found anew after 10 minutes, then at doubling intervals up to one day.
+  /// Lifts restrictions whose time has come: a new program or device, a password or a setting may
+  /// have removed their cause. Missing spans are read again, apart from their neighbours so that a
+  /// refusal does not harm these. Commands that the device did not know are tried again. All others
+  /// (limits, needed cuts, spans that are never gathered) are found anew after 10 minutes, then at
+  /// doubling intervals up to one day.
   void retry(SteadyTime now);
 
  private:
@@ -71,11 +74,11 @@ class HoleMap final {
 
     bool is_needed() const { return left_read && right_read; }
   };
-
-  void changed();
-  void explained(const Span& span);
-  void learn_limit(std::uint16_t space, std::uint32_t bits);
-
+  /// A command that was refused with the suspects, and half of the fewest parts in such a Gather.
+  struct Refused {
+    std::uint8_t gather = 0;
+    std::uint32_t half = 0;
+  };
   /// A command of which some Gathers went unanswered since its last answer.
   struct Doubt {
     std::uint8_t gather = 0;
@@ -83,32 +86,30 @@ class HoleMap final {
     int proofs = 0;           ///< number of such answers
     std::uint32_t parts = 0;  ///< limit of the command before
   };
-  /// A command that was refused with the suspects, and half of the fewest parts in such a Gather.
-  struct Refused {
-    std::uint8_t gather = 0;
-    std::uint32_t half = 0;
-  };
 
+  void changed();
+  void explained(const Span& span);
+  void learn_limit(std::uint16_t space, std::uint32_t bits);
   void too_many_parts();
+  void cleared(const Span& read);
   void retry_commands(SteadyTime now);
   void forgive(SteadyTime now);
-  void cleared(const Span& read);
 
+  Holes holes_;
+  std::uint32_t version_ = 0;
+  std::vector<Holes::Limit> command_limits_;
   std::vector<Border> borders_;
   bool is_gathered_ = false;  ///< reads tried separately may go into a Gather with others
   /// Empty if there are no suspects, or if they belong to a hole that was found.
   std::vector<Refused> refused_gathers_;
   std::vector<Doubt> doubts_;
   std::vector<std::uint8_t> lacking_;  ///< commands that were lacking at some time
+  std::vector<Span> asked_again_;      ///< missing spans under retry
+  SteadyTime retry_at_{};              ///< of missing spans
+  std::chrono::seconds retry_after_{0};
   SteadyTime commands_retry_at_{};
   std::optional<SteadyTime> forgive_at_;
   std::chrono::seconds forgive_after_{600};
-  std::vector<Span> asked_again_;  ///< missing spans under retry
-  Holes holes_;
-  std::vector<Holes::Limit> command_limits_;
-  std::uint32_t version_ = 0;
-  SteadyTime retry_at_{};
-  std::chrono::seconds retry_after_{0};
 };
 
 }  // namespace fxagent

@@ -184,9 +184,6 @@ TEST(McSerial, TheLineLengthIsWhatGoesOverTheLineInEveryFormat) {
       hex("10 02 10 10 00 F8 00 00 FF FF 03 00 00 FF FF 00 00 10 10 10 10 10 10 10 10 10 03 34 37");
   EXPECT_EQ(five.reply_chars + five.more_reply_chars, doubled.size());
   EXPECT_EQ(answer(codec(5), kTwoWords, doubled).image, hex("10 10 10 10"));
-  const LineTiming timing{.char_time = std::chrono::milliseconds(1)};
-  EXPECT_EQ(exchange_time(codec(5), kTwoWords, timing),
-            std::chrono::milliseconds(five.request_chars + doubled.size()));
   const LineCost cost{std::chrono::milliseconds(1), {}};
   EXPECT_EQ(five.doubled_chars, 1U);
   EXPECT_EQ(cost.of(five), std::chrono::milliseconds(five.request_chars + five.reply_chars - 1));

@@ -15,7 +15,7 @@ TEST(Forbidden, WhatIsKnownOfAnotherSpaceForbidsNothing) {
   Holes holes;
   holes.cuts.push_back({7, 32});
   holes.missing.push_back({7, 32, 16});
-  holes.apart.push_back({7, 32, 16});
+  holes.never_gathered.push_back({7, 32, 16});
   EXPECT_FALSE(Forbidden(holes, 6).forbids(gathered(), {0, 640}));
   EXPECT_TRUE(Forbidden(holes, 7).forbids(gathered(), {0, 640}));
 }
@@ -39,7 +39,7 @@ TEST(Forbidden, SaysOfAnyReadWhatOneLookAtAllHolesWouldSay) {
     for (std::uint32_t n = pick(0, 5); n > 0; --n)
       holes.missing.push_back({0, pick(0, 60), pick(1, 20)});
     for (std::uint32_t n = pick(0, 5); n > 0; --n)
-      holes.apart.push_back({0, pick(0, 60), pick(1, 20)});
+      holes.never_gathered.push_back({0, pick(0, 60), pick(1, 20)});
     const Forbidden forbidden(holes, 0);
     for (int i = 0; i < 20; ++i) {
       const Span read{0, pick(0, 60), pick(1, 30)};
@@ -49,7 +49,7 @@ TEST(Forbidden, SaysOfAnyReadWhatOneLookAtAllHolesWouldSay) {
                                        }) ||
                            std::any_of(holes.missing.begin(), holes.missing.end(),
                                        [&](const Span& hole) { return read.contains(hole); });
-      const bool is_apart = std::any_of(holes.apart.begin(), holes.apart.end(),
+      const bool is_apart = std::any_of(holes.never_gathered.begin(), holes.never_gathered.end(),
                                         [&](const Span& place) { return overlap(place, read); });
       const Extent extent{read.first_bit, read.end_bit()};
       ASSERT_EQ(forbidden.forbids(ReadWay{}, extent), is_held) << round;

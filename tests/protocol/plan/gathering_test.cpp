@@ -363,7 +363,7 @@ TEST_F(GatheringPlans, ThousandsOfHolesTakeLittleMoreTimeThanNone) {
     const std::uint32_t word = pick(0, 5000);
     holes.cuts.push_back({0, word * 16});
     holes.missing.push_back({1, word * 16, 16});
-    holes.apart.push_back({0, word * 16, 16});
+    holes.never_gathered.push_back({0, word * 16, 16});
     holes.suspects.push_back({1, word * 16, 16});
   }
   holes.most_suspects = 24;

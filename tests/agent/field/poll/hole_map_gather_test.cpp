@@ -114,7 +114,7 @@ TEST(HoleMapGather, APlaceThatIsOnlyRefusedInCompanyStaysApart) {
   for (std::uint32_t n = 0; n < 24; ++n) device.add(160 * n);
   device.not_gathered = {960};
   ASSERT_GE(device.settle(), 0);
-  EXPECT_EQ(device.map.holes().apart, (std::vector<Span>{{0, 15360, 16}}));
+  EXPECT_EQ(device.map.holes().never_gathered, (std::vector<Span>{{0, 15360, 16}}));
   EXPECT_EQ(device.plan().exchange_count(), 2U);
 }
 
@@ -232,12 +232,12 @@ TEST(HoleMapGather, RetriesDoNotPileUp) {
   map.refused(span, std::nullopt, now, {span});
   for (int times = 0; times < 50; ++times) {
     map.retry(now += 600s);
-    EXPECT_EQ(map.holes().apart, std::vector<Span>{span});
+    EXPECT_EQ(map.holes().never_gathered, std::vector<Span>{span});
     map.refused(span, std::nullopt, now, {span});
   }
   map.retry(now += 600s);
   map.read(span);
-  EXPECT_TRUE(map.holes().apart.empty());
+  EXPECT_TRUE(map.holes().never_gathered.empty());
   EXPECT_TRUE(map.holes().cuts.empty());
 }
 
@@ -252,10 +252,10 @@ TEST(HoleMapGather, WhatOnlyGoesByItselfOrWithFewIsTriedAgain) {
     EXPECT_EQ(map.holes().gather_limits, (std::vector<Holes::GatherLimit>{{1, 1}}));
     map.retry(now);
     map.retry(now += after - 1s);
-    EXPECT_EQ(map.holes().apart.size(), 1U);
+    EXPECT_EQ(map.holes().never_gathered.size(), 1U);
     const std::uint32_t before = map.version();
     map.retry(now += 1s);
-    EXPECT_TRUE(map.holes().apart.empty());
+    EXPECT_TRUE(map.holes().never_gathered.empty());
     EXPECT_TRUE(map.holes().gather_limits.empty());
     EXPECT_GT(map.version(), before);
   }
