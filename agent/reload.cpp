@@ -168,10 +168,10 @@ void Reload::look_at_news() {
   std::unique_lock lock(mutex_);
   const News news = std::exchange(news_, {});
   lock.unlock();
-  if (news.connected) remote_.connection(*news.connected, news.connected_at);
+  if (news.connected) remote_.set_connected(*news.connected, news.connected_at);
   if (auto next = remote_.due(moment())) take_over(std::move(*next));
   if (news.desired && !stopping_) hear(*news.desired);
-  if (!stopping_ && remote_.has_answer()) report();
+  if (!stopping_ && remote_.answer().is_due()) report();
 }
 
 // ---- the local file -----------------------------------------------------------------------------
@@ -183,7 +183,7 @@ void Reload::reload() {
   try {
     next = wanted();
   } catch (const std::exception& error) {  // out of memory, for example
-    reject({{"", 0, std::string("cannot be applied: ") + error.what()}});
+    reject(not_built(error));
   }
   if (next) {
     const std::string hash = next->config.hash;
@@ -197,7 +197,8 @@ void Reload::reload() {
       log::info("config", {{"state", "unchanged"}, {"hash", status_.hash}});
       say("unchanged", {});
     }
-    if (is_fit && !stopping_ && !remote_.rejected().empty()) hear(std::string(remote_.rejected()));
+    if (is_fit && !stopping_ && !remote_.answer().rejected().empty())
+      hear(std::string(remote_.answer().rejected()));
     if (!stopping_) report();  // a remote config that was rejected may be in force now
   }
   malloc_trim(0);  // returns the memory that a large file took
@@ -221,7 +222,7 @@ std::optional<Reload::Next> Reload::wanted() {
 // ---- remote configs -----------------------------------------------------------------------------
 
 void Reload::hear(const std::string& desired) {
-  if (auto next = remote_.hear(desired, moment())) take_over(std::move(*next));
+  if (auto next = remote_.receive(desired, moment())) take_over(std::move(*next));
   malloc_trim(0);
 }
 
@@ -316,7 +317,7 @@ void Reload::publish_status() {
 }
 
 void Reload::log_report() {
-  const RemoteReport& report = remote_.report();
+  const RemoteReport& report = remote_.answer().last();
   const std::string& version = report.desired.version;
   const std::size_t shown_errors = std::min(report.errors.size(), kErrorsInHealth);
   for (std::size_t i = 0; i < shown_errors; ++i)
@@ -331,7 +332,7 @@ void Reload::log_report() {
 }
 
 std::string Reload::audit_record() const {
-  const RemoteReport& report = remote_.report();
+  const RemoteReport& report = remote_.answer().last();
   audit::ConfigReceipt receipt;
   receipt.version = report.desired.version;
   receipt.by = report.desired.by;
@@ -348,7 +349,7 @@ void Reload::report(Log when) {
   const bool had_reported = std::exchange(has_reported_, remote_.is_enabled());
   if (has_reported_) {
     if (is_news || when == Log::always) log_report();
-    outbox_.ask([&publisher = publisher_, text = remote_.reported(status_.hash),
+    outbox_.ask([&publisher = publisher_, text = remote_.report_text(status_.hash),
                  audit = is_news ? audit_record() : std::string()](SteadyTime) {
       publisher.own_topics().report_config(text, audit);
     });

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "agent/config/loader.h"
-#include "agent/config/read/config_limits.h"
 #include "agent/failpoint.h"
 #include "agent/log/log.h"
 #include "agent/process/this_process.h"
@@ -29,11 +27,6 @@ std::string directory_for(const Config& config) {
 Next next_of(Next::Why why, Config config) {
   std::vector<std::string> servers = config.mqtt.servers;
   return {.why = why, .config = std::move(config), .servers = std::move(servers)};
-}
-
-/// Returns the error of a config for an exception in building it, such as out of memory.
-ConfigErrors not_built(const std::exception& fault) {
-  return {{"", 0, std::string("cannot be applied: ") + fault.what()}};
 }
 
 constexpr const char* kCannotBeKept =
@@ -116,33 +109,6 @@ tl::expected<Next, ConfigErrors> way_back(Next::Why why, const std::optional<Kep
 RemoteConfig::RemoteConfig(std::string path, std::chrono::milliseconds trial, std::string boot)
     : local_(std::move(path)), kept_(std::move(boot)), in_force_(trial) {}
 
-// ---- the local file -----------------------------------------------------------------------------
-
-tl::expected<LocalConfig::Read, ConfigErrors> LocalConfig::read() const {
-  auto text = read_config_file(path_);
-  if (!text) return tl::unexpected(std::move(text.error()));
-  LocalFile file{std::move(*text), privacy_of(path_)};
-  auto config = build(file, nullptr);
-  if (!config) return tl::unexpected(std::move(config.error()));
-  file.limits = config->remote;
-  return Read{std::move(file), std::move(*config)};
-}
-
-tl::expected<Config, ConfigErrors> LocalConfig::build(const LocalFile& file,
-                                                      const DesiredConfig* document) const {
-  try {
-    auto config = config_of_file(path_, file.text, file.privacy, {.stop = &interrupted_});
-    if (!config || document == nullptr) return config;
-    const ConfigLimits limits = remote_limits(*config);
-    const auto parse = [&](std::string_view text) {
-      return config_of_file(path_, text, file.privacy, {limits, &interrupted_});
-    };
-    return effective_config(file.text, *config, *document, parse, &interrupted_);
-  } catch (const std::exception& fault) {  // such as out of memory
-    return tl::unexpected(not_built(fault));
-  }
-}
-
 // ---- the start ----------------------------------------------------------------------------------
 
 tl::expected<Config, ConfigErrors> RemoteConfig::start(Moment now) {
@@ -208,7 +174,7 @@ void RemoteConfig::begin() {
 
 // ---- documents ----------------------------------------------------------------------------------
 
-std::optional<Next> RemoteConfig::hear(std::string_view payload, Moment now) {
+std::optional<Next> RemoteConfig::receive(std::string_view payload, Moment now) {
   if (!is_enabled()) return std::nullopt;
   held_.clear();
   judge_again_.clear();
@@ -329,7 +295,7 @@ SteadyTime RemoteConfig::next_wake() const {
 
 std::optional<Next> RemoteConfig::due(Moment now) {
   kept_.due(now.steady);
-  if (!judge_again_.empty()) return hear(std::exchange(judge_again_, {}), now);
+  if (!judge_again_.empty()) return receive(std::exchange(judge_again_, {}), now);
   KeptConfigs& kept = kept_.configs();
   const std::optional<KeptConfig>& in_force = in_force_.document();
   const auto outcome = in_force_.outcome(now.steady);
@@ -343,7 +309,7 @@ std::optional<Next> RemoteConfig::due(Moment now) {
     kept_.save_or_log("the confirmation of the config");
     answer_.publish_again();
     if (held_.empty()) return std::nullopt;
-    return hear(std::string(held_), now);
+    return receive(std::string(held_), now);
   }
   const bool is_given_up = in_force_.is_given_up();
   auto next =
@@ -373,7 +339,7 @@ std::optional<Next> RemoteConfig::due(Moment now) {
 
 // ---- the answer ---------------------------------------------------------------------------------
 
-std::string RemoteConfig::reported(const std::string& hash) const {
+std::string RemoteConfig::report_text(const std::string& hash) const {
   return reported_text(answer_.last(), hash, in_force_.version(), !in_force_.is_on_trial());
 }
 

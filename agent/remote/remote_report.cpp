@@ -72,7 +72,7 @@ void RemoteAnswer::resume(const KeptConfigs& kept) {
 
 void RemoteAnswer::report(State state, const DesiredConfig& desired, const ConfigErrors& errors,
                           std::int64_t since_ms) {
-  has_answer_ = true;
+  is_due_ = true;
   RemoteReport fresh = make_report(state, desired, errors, since_ms);
   if (report_.says(fresh)) return;
   report_ = std::move(fresh);

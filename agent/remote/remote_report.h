@@ -43,8 +43,7 @@ RemoteReport make_report(RemoteReport::State state, DesiredConfig desired,
 std::string reported_text(const RemoteReport& report, const std::string& hash,
                           const std::string& in_force, bool is_confirmed);
 
-/// The answer: its state, its pending publication, and the document that was rejected last. One
-/// thread.
+/// The answer: its state, its pending publication, and the last rejected document. One thread.
 class RemoteAnswer final {
  public:
   using State = RemoteReport::State;
@@ -69,24 +68,26 @@ class RemoteAnswer final {
               const std::optional<RolledBackConfig>& back);
 
   /// Requests another publication of the same answer.
-  void publish_again() { has_answer_ = true; }
+  void publish_again() { is_due_ = true; }
   void clear_news() { is_news_ = false; }
   void clear_rejected() { rejected_.clear(); }
 
   const RemoteReport& last() const { return report_; }
+  /// Returns the last rejected document; empty if there is none.
   const std::string& rejected() const { return rejected_; }
-  bool has_answer() const { return has_answer_; }
+  /// True if the answer must be published, again or for the first time.
+  bool is_due() const { return is_due_; }
   bool is_news() const { return is_news_; }
   /// Call when the answer is published. True if it differs from the previous one.
   bool take_news() {
-    has_answer_ = false;
+    is_due_ = false;
     return std::exchange(is_news_, false);
   }
 
  private:
   RemoteReport report_;
   std::string rejected_;
-  bool has_answer_ = false;
+  bool is_due_ = false;
   bool is_news_ = false;
 };
 

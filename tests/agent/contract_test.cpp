@@ -311,7 +311,7 @@ TEST(ContractExamples, DesiredIsReadAndReportedHasTheKeysOfTheProgram) {
   EXPECT_TRUE(read.errors.empty());
   EXPECT_EQ(read.desired.version, "line2-v7");
   const json made =
-      json::parse(RemoteConfig("agent.json", 60s, "9f3c21aa").reported("5f0c9a31e7d2b846"));
+      json::parse(RemoteConfig("agent.json", 60s, "9f3c21aa").report_text("5f0c9a31e7d2b846"));
   const json wanted = example("reported");
   for (const auto& [key, value] : wanted.items()) EXPECT_TRUE(made.contains(key)) << key;
   EXPECT_EQ(made.size(), wanted.size());

@@ -45,7 +45,7 @@ TEST_F(RemoteConfigTest, WhatIsRightIsAppliedAndGoodAfterItsTrial) {
   EXPECT_FALSE(plant.pass(59s));
   EXPECT_EQ(plant.reported()["confirmed"], false);
   EXPECT_FALSE(plant.pass(1s));
-  EXPECT_TRUE(plant.remote().has_answer());
+  EXPECT_TRUE(plant.remote().answer().is_due());
   EXPECT_EQ(plant.reported()["confirmed"], true);
   EXPECT_EQ(plant.reported()["since"], 1'790'000'000'000);
   plant.pass(1h);
@@ -58,7 +58,7 @@ TEST_F(RemoteConfigTest, WhatIsRightIsAppliedAndGoodAfterItsTrial) {
 TEST_F(RemoteConfigAfterV1, TheSameAgainIsAnsweredAndNotAppliedAgain) {
   plant.remote().take_news();
   EXPECT_FALSE(plant.hear(plant.with_retries("v1", 7)));
-  EXPECT_TRUE(plant.remote().has_answer());
+  EXPECT_TRUE(plant.remote().answer().is_due());
   EXPECT_FALSE(plant.remote().take_news());
   EXPECT_TRUE(plant.hear(plant.with_retries("v2", 7)));
 }
@@ -90,7 +90,7 @@ TEST_F(RemoteConfigTest, ManyErrorsAreCutAndCounted) {
     wrong["config"]["devices"][0]["tags"].push_back(
         {{"name", "t" + std::to_string(i)}, {"address", "X8"}});
   EXPECT_FALSE(plant.hear(wrong));
-  const std::string text = plant.remote().reported("");
+  const std::string text = plant.remote().report_text("");
   EXPECT_LT(text.size(), 2 * kMostReportedBytes);
   const json report = json::parse(text);
   EXPECT_EQ(report["errors"][0], "2000 more are not listed");
@@ -213,8 +213,8 @@ TEST_F(RemoteConfigTest, WhereItNoLongerFitsTheLocalFileWins) {
   plant.hear(document);
   plant.set("/agent/remote_allow", {"devices"});
   EXPECT_TRUE(plant.hang_up());
-  EXPECT_EQ(plant.remote().rejected(), document.dump());
-  EXPECT_TRUE(plant.hear_text(std::string(plant.remote().rejected())));
+  EXPECT_EQ(plant.remote().answer().rejected(), document.dump());
+  EXPECT_TRUE(plant.hear_text(std::string(plant.remote().answer().rejected())));
   EXPECT_EQ(plant.retries(), 7);
 }
 
@@ -277,7 +277,7 @@ TEST_F(RemoteConfigTest, NoSecretIsReported) {
        {plant.with_retries("v1", 7), json{{"version", "v2"}, {"config", {{"mqtt", 3}}}},
         json{{"version", "v3"}, {"patch", {{"mqtt", {{"servers", {"mqtt://a"}}}}}}}}) {
     plant.hear(document);
-    EXPECT_EQ(plant.remote().reported("h").find("s3cret"), std::string::npos);
+    EXPECT_EQ(plant.remote().report_text("h").find("s3cret"), std::string::npos);
     EXPECT_EQ(plant.kept_text().find("s3cret"), std::string::npos);
   }
 }
@@ -288,7 +288,7 @@ TEST_F(RemoteConfigAfterGoodV1, OneThatEndsTheProcessWhileItIsJudgedIsNotTriedAg
   plant.end_while_judging(document);
   EXPECT_EQ(plant.retries(), 7);
   EXPECT_EQ(plant.said(), "rolled_back \"v2\": the process ended during the check of the config");
-  EXPECT_EQ(plant.remote().report().desired.by, "ann");
+  EXPECT_EQ(plant.remote().answer().last().desired.by, "ann");
   EXPECT_FALSE(plant.hear(document));
   plant.start();
   EXPECT_FALSE(plant.hear(document));
@@ -398,7 +398,7 @@ TEST_F(RemoteConfigTest, NobodyIsSentToAnotherBrokerAgainBeforeTheVerdict) {
   EXPECT_TRUE(plant.hear(with_server("b", "mqtt://192.0.2.2")));
   EXPECT_FALSE(plant.hear(with_server("a", "mqtt://192.0.2.1")));
   EXPECT_EQ(plant.said(), "applied \"b\"");
-  EXPECT_TRUE(plant.remote().has_answer());
+  EXPECT_TRUE(plant.remote().answer().is_due());
   EXPECT_TRUE(plant.pass(kTrial));
   EXPECT_EQ(plant.said(), "applied \"a\"");
   EXPECT_EQ(plant.in_force().mqtt.servers[0], "mqtt://192.0.2.1:1883");
@@ -420,9 +420,9 @@ TEST_F(RemoteConfigTest, AnOlderRejectedOneDoesNotTakeThePlaceOfOneThatWaits) {
   start_with_other_servers_allowed(plant);
   EXPECT_TRUE(plant.hear(with_server("b", "mqtt://192.0.2.2")));
   EXPECT_FALSE(plant.hear(plant.with_retries("c", 99)));
-  EXPECT_NE(plant.remote().rejected(), "");
+  EXPECT_NE(plant.remote().answer().rejected(), "");
   EXPECT_FALSE(plant.hear(with_server("d", "mqtt://192.0.2.4")));
-  EXPECT_EQ(plant.remote().rejected(), "")
+  EXPECT_EQ(plant.remote().answer().rejected(), "")
       << "a reload would judge it again and forget the last one";
   EXPECT_TRUE(plant.pass(kTrial));
   EXPECT_EQ(plant.said(), "applied \"d\"");
@@ -445,9 +445,9 @@ TEST_F(RemoteConfigTest, WhoHasSentARolledBackOneIsKept) {
   document["by"] = "ann";
   plant.hear(document);
   plant.start();
-  EXPECT_EQ(plant.remote().report().desired.by, "ann");
+  EXPECT_EQ(plant.remote().answer().last().desired.by, "ann");
   plant.start();
-  EXPECT_EQ(plant.remote().report().desired.by, "ann");
+  EXPECT_EQ(plant.remote().answer().last().desired.by, "ann");
 }
 
 TEST_F(RemoteConfigTest, OneThatWaitsIsJudgedWhenTheLocalFileEndsTheTrial) {
@@ -463,9 +463,9 @@ TEST_F(RemoteConfigTest, OneThatWaitsIsJudgedWhenTheLocalFileEndsTheTrial) {
 TEST_F(RemoteConfigAfterV1, AnOlderRejectedOneDoesNotComeBackOverARolledBackOne) {
   plant.start();  // after a crash
   plant.hear(plant.with_retries("v0", 99));
-  EXPECT_FALSE(plant.remote().rejected().empty());
+  EXPECT_FALSE(plant.remote().answer().rejected().empty());
   EXPECT_FALSE(plant.hear(plant.with_retries("v1", 7)));
-  EXPECT_EQ(plant.remote().rejected(), "");
+  EXPECT_EQ(plant.remote().answer().rejected(), "");
 }
 
 TEST_F(RemoteConfigAfterV1, AConfirmationThatTheDiskRefusedIsWrittenAtTheStop) {
@@ -490,9 +490,9 @@ TEST_F(RemoteConfigAfterGoodV1, WhatTheDiskRefusedToTryIsPutRightLater) {
 
 TEST_F(RemoteConfigTest, ADocumentBeyondItsLimitIsNotHeldInMemory) {
   EXPECT_FALSE(plant.hear_text(std::string(kMaxDesiredBytes, ' ') + "{"));
-  EXPECT_EQ(plant.remote().rejected(), "");
+  EXPECT_EQ(plant.remote().answer().rejected(), "");
   EXPECT_FALSE(plant.hear_text("{"));
-  EXPECT_EQ(plant.remote().rejected(), "{") << "it may fit the next local file";
+  EXPECT_EQ(plant.remote().answer().rejected(), "{") << "it may fit the next local file";
 }
 
 /// A new local file that conflicts with the config on trial may fit the previous one.

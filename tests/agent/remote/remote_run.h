@@ -43,7 +43,7 @@ class Plant {
   void start(bool is_connected = true) {
     read();
     remote_->begin();
-    if (is_connected) remote_->connection(true, steady_);
+    if (is_connected) remote_->set_connected(true, steady_);
   }
   /// Runs only the part of a start that reads.
   void read() {
@@ -69,7 +69,7 @@ class Plant {
 
   /// Returns false if nothing was applied.
   bool hear(const json& document) { return hear_text(document.dump()); }
-  bool hear_text(const std::string& text) { return apply(remote_->hear(text, now())); }
+  bool hear_text(const std::string& text) { return apply(remote_->receive(text, now())); }
   bool hang_up() {
     auto next = remote_->read_local();
     if (!next) return false;
@@ -80,12 +80,12 @@ class Plant {
     utc_ms_ += std::chrono::duration_cast<std::chrono::milliseconds>(time).count();
     return apply(remote_->due(now()));
   }
-  void connection(bool is_up) { remote_->connection(is_up, steady_); }
+  void connection(bool is_up) { remote_->set_connected(is_up, steady_); }
 
   RemoteConfig& remote() { return *remote_; }
   const Config& in_force() const { return in_force_; }
   int retries() const { return in_force_.devices[0].retries; }
-  json reported() const { return json::parse(remote_->reported(in_force_.hash)); }
+  json reported() const { return json::parse(remote_->report_text(in_force_.hash)); }
   /// Returns the reported state and version, 'applied "v1"', followed by the first error.
   std::string said() const {
     const json report = reported();
