@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "agent/field/bus/unexpected_bytes.h"
+
 namespace fxagent {
 namespace {
 
@@ -75,13 +77,13 @@ asio::awaitable<Exchange> Bus::ask(Station& station, const Request& request, Ste
   };
   if (overheard_.doubt().findings() != findings || !quiet_behind) {
     overheard_.doubt().exchange_was_unclear();
-    make_garbled("several answers, or one to another request: " + beginning_of(last_unexpected()));
+    make_garbled("several answers, or one to another request: " + first_bytes(last_unexpected()));
   } else if (doubted) {
     overheard_.doubt().exchange_was_clean(wire_.now());
     exchange.doubted = true;
     if (!exchange.is_data())
       make_garbled("the answer does not count: unexpected bytes were on the line (" +
-                   beginning_of(last_unexpected()) + ")");
+                   first_bytes(last_unexpected()) + ")");
   }
   if (!overheard_.doubt().is_doubted()) wire_.channel().answered_beyond_doubt();
   co_return exchange;
@@ -114,7 +116,7 @@ asio::awaitable<bool> Bus::prepare(Station& station, const Request& request, Exc
     bool still_open = true;
     if (!is_quiet) still_open = co_await wire_.drain(codec, until, quiet);
     if (!still_open) {
-      mark_as_down(failed, wire_.channel().why_lost(), wire_.now());
+      failed.set_down(wire_.channel().why_lost(), wire_.now());
       co_return false;
     }
   }

@@ -60,7 +60,7 @@ class Bus final {
   void trace_to(std::unique_ptr<WireTrace> trace) { wire_.trace_to(std::move(trace)); }
   bool is_traced() const { return wire_.is_traced(); }
   Wire::Counters& counters() { return wire_.counters(); }
-  /// Earliest time of the next request: the end of the pause after a broadcast.
+  /// See Wire::not_before().
   SteadyTime not_before() const { return wire_.not_before(); }
 
  private:

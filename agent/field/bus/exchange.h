@@ -45,6 +45,13 @@ struct Exchange {
     return exchange;
   }
 
+  /// Makes this a request that was not sent because the link is down: it took no line time.
+  void set_down(std::string why, SteadyTime now) {
+    outcome = Outcome::link_down;
+    error = std::move(why);
+    began = ended = now;
+  }
+
   bool has_answer() const { return outcome == Outcome::answered; }
   /// Returns the line time that it used.
   std::chrono::nanoseconds line_time() const { return rest + (ended - began); }

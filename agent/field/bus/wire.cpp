@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "agent/failpoint.h"
+#include "agent/field/bus/unexpected_bytes.h"
 #include "agent/field/transport/stream_io.h"
 
 namespace fxagent {
@@ -22,7 +23,7 @@ constexpr std::size_t kMostDatagrams = 1000;
 bool renew_port(Transport& transport, const Codec& codec, Exchange& failed) {
   if (is_numbered(codec)) return true;
   const auto renewed = transport.renew();
-  if (!renewed) mark_as_down(failed, renewed.error().text, transport.now());
+  if (!renewed) failed.set_down(renewed.error().text, transport.now());
   return renewed.has_value();
 }
 
@@ -41,18 +42,6 @@ asio::awaitable<void> close_exchange(Transport& transport, Echo& echo, const Byt
 }
 
 }  // namespace
-
-std::string beginning_of(const Bytes& bytes) {
-  constexpr std::size_t kBeginning = 24;
-  const ByteView shown = ByteView(bytes).first(std::min(bytes.size(), kBeginning));
-  return to_hex(shown) + (shown.size() < bytes.size() ? " …" : "");
-}
-
-void mark_as_down(Exchange& failed, std::string why, SteadyTime now) {
-  failed.outcome = Exchange::Outcome::link_down;
-  failed.error = std::move(why);
-  failed.began = failed.ended = now;
-}
 
 Wire::Wire(asio::any_io_executor executor, std::unique_ptr<Transport> transport,
            nanoseconds char_time)
@@ -87,13 +76,13 @@ bool Wire::take_arrived(const Codec& codec, Exchange& failed) {
   const auto found = channel_.transport().discard_input();
   if (!found) {
     channel_.lose(found.error().text);
-    mark_as_down(failed, found.error().text, now());
+    failed.set_down(found.error().text, now());
     return false;
   }
   note_unexpected(codec, *found);
   if (found->size() < Channel::kMostDrained) return true;
   channel_.close_never_silent();
-  mark_as_down(failed, channel_.why_lost(), now());
+  failed.set_down(channel_.why_lost(), now());
   return false;
 }
 
@@ -214,7 +203,7 @@ asio::awaitable<void> Wire::receive(const Codec& codec, const Request& request, 
       const bool silent = got.error().code == ErrorCode::timeout;
       exchange.error = got.error().text;
       if (silent && !rx_.empty())
-        exchange.error += "; these bytes are not one: " + beginning_of(rx_);
+        exchange.error += "; these bytes are not one: " + first_bytes(rx_);
       if (echo_due && silent) exchange.error += "; not even the echo of the request came back";
       exchange.outcome = silent ? Exchange::Outcome::unanswered : Exchange::Outcome::link_down;
       if (!silent) channel_.lose(exchange.error);

@@ -1,7 +1,7 @@
-// One request and its answer on a channel that is in order: the frames, their echo, and their
-// times. On UDP each datagram is judged separately. If answers carry no numbers, each request uses
-// a port of its own; with a fixed port, the channel is treated like a serial line. Field thread
-// only.
+// Sends one request and receives its answer, on a channel that is in order (bus.h). Removes echoes,
+// measures times, and counts and traces what passes. On UDP each datagram is judged separately. If
+// answers carry no numbers, each request uses a port of its own; with a fixed port, the channel is
+// treated like a serial line. Field thread only.
 #pragma once
 
 #include <asio/awaitable.hpp>
@@ -29,24 +29,19 @@ namespace fxagent {
 
 /// The properties of a device that the bus needs. Must outlive the exchange.
 struct Station {
-  /// Codec of the device, or of the command in progress. A trace shares it until it has explained
-  /// its frames.
+  /// Codec of the device, or of the command in progress. Shared with the trace until it has
+  /// explained the frames.
   std::shared_ptr<const Codec> codec;
   std::string_view device;  ///< its name; empty: unknown
   std::chrono::milliseconds timeout{1000};
-  std::chrono::milliseconds gap{0};
+  std::chrono::milliseconds gap{0};  ///< silence before a request
   EnquirePolicy enquire = EnquirePolicy::open;
-  bool echo = false;               ///< the line echoes what is sent
-  Wiring wiring{};                 ///< for error texts
-  std::uint32_t handshake_in = 0;  ///< Channel::session() of its last answered enquiry; 0: none
+  bool echo = false;                      ///< the line returns what is sent
+  Wiring wiring{};                        ///< for error texts
   std::uint16_t recorded_as = kNoDevice;  ///< FrameRing::number() of the device
-  FrameTrace* trace = nullptr;            ///< receives every frame of a command; null for polls
+  std::uint32_t handshake_in = 0;  ///< Channel::session() of its last answered enquiry; 0: none
+  FrameTrace* trace = nullptr;     ///< receives every frame of a command; null for polls
 };
-
-/// Returns the first bytes for an error text: enough to recognise the sender.
-std::string beginning_of(const Bytes& bytes);
-/// Sets `failed` to a request that was not sent because the link is down: it took no line time.
-void mark_as_down(Exchange& failed, std::string why, SteadyTime now);
 
 class Wire final {
  public:
@@ -66,25 +61,27 @@ class Wire final {
   /// request.
   void close() noexcept;
 
+  /// Sends a request and receives its answer. Checks `not_after` just before the first byte.
+  asio::awaitable<Exchange> exchange(const Station& station, Request request, SteadyTime not_after);
+  /// Earliest time of the next request: the end of the pause after a broadcast.
+  SteadyTime not_before() const { return not_before_; }
+  // Between exchanges. Both judge what has come, by `codec`.
+  /// Takes what has arrived, without waiting. False: the channel is closed; `failed` says why.
+  bool take_arrived(const Codec& codec, Exchange& failed);
+  /// Waits for silence as Channel::listen(). False: the channel is closed.
+  asio::awaitable<bool> drain(const Codec& codec, SteadyTime until, std::chrono::nanoseconds quiet);
+
   /// Passes each frame to `trace`; null: frames are neither logged nor recorded.
   void trace_to(std::unique_ptr<WireTrace> trace) { trace_ = std::move(trace); }
   bool is_traced() const { return trace_ != nullptr && trace_->logs(); }
   /// Sets the station of the following frames, for the trace.
   void begin(const Station& station);
 
-  /// Takes what has arrived, without waiting. False: the channel is closed; `failed` says why.
-  bool take_arrived(const Codec& codec, Exchange& failed);
-  /// Waits for silence as Channel::listen(), and judges what came. False: the channel is closed.
-  asio::awaitable<bool> drain(const Codec& codec, SteadyTime until, std::chrono::nanoseconds quiet);
-  /// Sends a request and receives its answer. Checks `not_after` just before the first byte.
-  asio::awaitable<Exchange> exchange(const Station& station, Request request, SteadyTime not_after);
-
   Channel& channel() { return channel_; }
   const Channel& channel() const { return channel_; }
   Overheard& overheard() { return overheard_; }
   const Overheard& overheard() const { return overheard_; }
   Counters& counters() { return counters_; }
-  SteadyTime not_before() const { return not_before_; }
   std::chrono::nanoseconds char_time() const { return char_time_; }
   SteadyTime now() const { return channel_.transport().now(); }
 
@@ -107,9 +104,9 @@ class Wire final {
   const std::chrono::nanoseconds char_time_;
   std::uint16_t tag_ = 0;
   SteadyTime last_activity_{};  ///< last byte in either direction, as far as known
-  SteadyTime not_before_{};     ///< end of a broadcast's turnaround delay
+  SteadyTime not_before_{};
   Bytes rx_;
-  std::unique_ptr<WireTrace> trace_;  ///< null: frames are neither logged nor recorded
+  std::unique_ptr<WireTrace> trace_;
   Counters counters_;
 };
 
