@@ -240,10 +240,12 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
       std::make_unique<PahoBroker>(
           config.mqtt, [&payload] { return payload.last_will(); }, [&outbox] { outbox.notify(); }),
       permit);
-  Publisher publisher(
-      config, settings, payload, outbox, *broker, commands, utc_now_ms, guarded.get(),
-      [&field](std::vector<std::uint64_t> last_seq) { field.number_above(std::move(last_seq)); },
-      [&field] { field.report(); });
+  settings.number_above = [&field](std::vector<std::uint64_t> last_seq) {
+    field.number_above(std::move(last_seq));
+  };
+  settings.ask_counters = [&field] { field.report(); };
+  Publisher publisher(config, settings, payload, outbox, *broker, commands, utc_now_ms,
+                      guarded.get());
 
   std::vector<ProfileParts> profiles;
   for (const ProfileConfig& what : std::as_const(config).profiles) {

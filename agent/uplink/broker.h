@@ -1,6 +1,5 @@
-// Interface to an MQTT broker. There is one connection at a time. Every operation is asynchronous;
-// the uplink thread collects its outcome as an event. Implementations: PahoBroker and the tests'
-// FakeBroker.
+// PORT: an MQTT broker, with one connection at a time. Every operation is asynchronous; the uplink
+// thread collects its outcome as an event. Implementations: PahoBroker and the tests' FakeBroker.
 #pragma once
 
 #include <cstddef>
@@ -28,11 +27,20 @@ struct Publication {
   Retain retain = Retain::no;
   Bytes correlation{};  ///< MQTT 5 correlation data; empty: none
 };
-
 /// Returns a retained message, with QoS 1. An empty payload clears the topic.
 inline Publication retained(std::string topic, std::string payload = {}) {
   return {.topic = std::move(topic), .payload = std::move(payload), .retain = Retain::yes};
 }
+
+struct Subscription {
+  std::string filter;
+  /// MQTT 5 No Local: the broker does not send back messages that this client publishes or has
+  /// published before. This also hides the client's own retained messages.
+  bool no_local = false;
+  int qos = 1;  ///< 0: the broker keeps none of its messages while the session is not connected
+};
+
+// ---- events
 
 /// The connection is up. Holds the limits that an MQTT 5 broker announced.
 struct Connected {
@@ -50,10 +58,9 @@ struct Lost {
   std::string text;
   int reason_code = 0;  ///< from the broker's MQTT 5 DISCONNECT; 0: it sent none
 };
-/// MQTT 5, section 3.14.2.1: another client has connected with our client id.
-inline constexpr int kSessionTakenOver = 0x8E;
 /// disconnect() is complete.
 struct Disconnected {};
+/// A message on one of the subscriptions.
 struct Message : MessageProperties {
   std::string topic;
   /// Cut after kMaxMessageBytes + 1 bytes, unless the broker was created with another limit; on a
@@ -61,11 +68,6 @@ struct Message : MessageProperties {
   std::string payload;
   int qos = 1;
 };
-/// Returns the approximate memory use of a message, in bytes.
-inline std::size_t bytes_of(const Message& message) {
-  return sizeof(message) + message.topic.size() + message.payload.size() +
-         message.response_topic.size() + message.correlation.size();
-}
 /// QoS 1: the broker sent a PUBACK. QoS 0: the message was handed to the socket.
 struct Delivered {
   std::uint64_t id = 0;
@@ -90,6 +92,55 @@ struct MessagesDropped {
 using BrokerEvent = std::variant<Connected, ConnectFailed, Lost, Disconnected, Message, Delivered,
                                  DeliveryFailed, Subscribed, MessagesDropped>;
 
+/// Fate of the last will at the broker when the agent disconnects.
+enum class Will : std::uint8_t { discarded, published };
+
+/// Uplink thread only. No function blocks or throws; every outcome is an event.
+class Broker {
+ public:
+  virtual ~Broker() = default;
+
+  /// Sets the servers, names and secrets for the next connect().
+  virtual void use(const MqttConfig& mqtt) = 0;
+  /// Abandons any earlier connection and connects to server `index` of the config. Posts Connected
+  /// or ConnectFailed. On MQTT 5 `receive_maximum` is sent to the broker (section 3.1.2.11.3);
+  /// 3.1.1 has no equivalent.
+  virtual void connect(std::size_t index, std::uint16_t receive_maximum) = 0;
+  /// Disconnects, and posts Disconnected. Sends no DISCONNECT if the will is to be published.
+  virtual void disconnect(Will will = Will::discarded) = 0;
+  /// True if the library reports the connection as up. If false, Lost has been posted or will be,
+  /// unless the library failed to report the loss.
+  virtual bool is_connected() const = 0;
+  /// Posts Delivered or DeliveryFailed, or neither if Lost comes first.
+  virtual void publish(Publication publication) = 0;
+  /// Subscribes and, on MQTT 5, asks for Retain As Published. Posts Subscribed, or nothing if the
+  /// broker does not answer.
+  virtual void subscribe(Subscription subscription) = 0;
+  virtual void unsubscribe(const std::string& filter) = 0;
+  /// Sets whether an acknowledgement notifies the uplink at once, as it does by default. Otherwise
+  /// the next take_events() returns it.
+  virtual void await_acknowledgements(bool awaited) = 0;
+  /// Holds messages back in the network, and with them everything that follows on the same
+  /// connection, acknowledgements included. No message is lost, but a few may still arrive. Each
+  /// connection begins without a hold. If `let_in` is not 0, that many messages and the packets
+  /// between them are let in before the hold begins.
+  virtual void hold_messages(bool held, std::size_t let_in = 0) = 0;
+
+  /// Returns the events since the last call, in order; only those of the current connection.
+  virtual std::vector<BrokerEvent> take_events() = 0;
+};
+
+// ---- limits, topics and codes
+
+/// Longest payload that the agent processes. One more byte is kept, to show that there was more.
+inline constexpr std::size_t kMaxMessageBytes = 65536;
+/// Topics below the agent's base: a remote config, and the report on it.
+inline constexpr std::string_view kDesiredTopic = "/config/desired";
+inline constexpr std::string_view kReportedTopic = "/config/reported";
+/// Number of messages that a broker may send ahead of our acknowledgements. Small, because the
+/// PUBACKs of our own messages queue behind them.
+inline constexpr std::uint16_t kReceiveMaximum = 10;
+
 // Reason codes of a PUBACK (MQTT 5, section 3.4.2.1) that a repetition cannot cure.
 inline constexpr int kTopicNameInvalid = 0x90;
 inline constexpr int kPacketTooLarge = 0x95;
@@ -101,69 +152,15 @@ inline bool is_final(int reason_code) {
 }
 /// Returns the code as the standard writes it; "none" if the failure has no code, as on 3.1.1.
 inline std::string hex_code(int reason_code) {
-  if (reason_code == 0) return "none";
-  Bytes digits;
-  append_hex(digits, static_cast<std::uint32_t>(reason_code), 2);
-  return "0x" + std::string(digits.begin(), digits.end());
+  return reason_code == 0 ? "none" : "0x" + hex_text(static_cast<std::uint64_t>(reason_code), 2);
 }
+/// MQTT 5, section 3.14.2.1: another client has connected with our client id.
+inline constexpr int kSessionTakenOver = 0x8E;
 
-/// Longest payload that the agent processes. One more byte is kept, which shows that there was
-/// more.
-inline constexpr std::size_t kMaxMessageBytes = 65536;
-
-/// Topics below the agent's base: a remote config, and the report on it.
-inline constexpr std::string_view kDesiredTopic = "/config/desired";
-inline constexpr std::string_view kReportedTopic = "/config/reported";
-
-/// Number of messages that a broker may send ahead of our acknowledgements. Small, because the
-/// PUBACKs of our own messages queue behind them.
-inline constexpr std::uint16_t kReceiveMaximum = 10;
-
-struct Subscription {
-  std::string filter;
-  /// MQTT 5 No Local: the broker does not send back messages that this client publishes or has
-  /// published before. This also hides the client's own retained messages.
-  bool no_local = false;
-  int qos = 1;  ///< 0: the broker keeps none of its messages while the session is not connected
-};
-
-/// Uplink thread only. No function blocks or throws; every outcome is an event.
-class Broker {
- public:
-  virtual ~Broker() = default;
-
-  /// Sets the servers, names and secrets for the next connect().
-  virtual void use(const MqttConfig& mqtt) = 0;
-
-  /// Abandons any earlier connection and connects to server `index` of the config. Posts Connected
-  /// or ConnectFailed. On MQTT 5 `receive_maximum` is sent to the broker (section 3.1.2.11.3);
-  /// 3.1.1 has no equivalent.
-  virtual void connect(std::size_t index, std::uint16_t receive_maximum) = 0;
-  /// Disconnects, and posts Disconnected. The broker discards the last will. `with_will`: closes
-  /// the connection without a DISCONNECT, so that the broker publishes it.
-  virtual void disconnect(bool with_will = false) = 0;
-  /// True if the library reports the connection as up. If false, Lost has been posted or will be,
-  /// unless the library failed to report the loss.
-  virtual bool is_connected() const = 0;
-  /// Posts Delivered or DeliveryFailed, or neither if Lost comes first.
-  virtual void publish(Publication publication) = 0;
-  /// Subscribes and, on MQTT 5, asks for Retain As Published. Posts Subscribed, or nothing if the
-  /// broker does not answer.
-  virtual void subscribe(Subscription subscription) = 0;
-  virtual void unsubscribe(const std::string& filter) = 0;
-
-  /// Sets whether an acknowledgement notifies the uplink at once, as it does by default. Otherwise
-  /// the next take_events() returns it.
-  virtual void await_acknowledgements(bool awaited) = 0;
-
-  /// Holds messages back in the network, and with them everything that follows on the same
-  /// connection, acknowledgements included. No message is lost, but a few may still arrive. Each
-  /// connection begins without a hold. If `let_in` is not 0, that many messages and the packets
-  /// between them are let in before the hold begins.
-  virtual void hold_messages(bool held, std::size_t let_in = 0) = 0;
-
-  /// Returns the events since the last call, in order; only those of the current connection.
-  virtual std::vector<BrokerEvent> take_events() = 0;
-};
+/// Returns the approximate memory use of a message, in bytes.
+inline std::size_t bytes_of(const Message& message) {
+  return sizeof(message) + message.topic.size() + message.payload.size() +
+         message.response_topic.size() + message.correlation.size();
+}
 
 }  // namespace fxagent

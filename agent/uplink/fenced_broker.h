@@ -27,12 +27,12 @@ class FencedBroker final : public Broker {
       return broker_->connect(index, receive_maximum);
     own_.emplace_back(ConnectFailed{"the other gateway of the pair may be active"});
   }
-  void disconnect(bool with_will) override { broker_->disconnect(with_will); }
+  void disconnect(Will will) override { broker_->disconnect(will); }
   bool is_connected() const override { return own_.empty() && broker_->is_connected(); }
   void publish(Publication publication) override {
     if (!own_.empty()) return;
     if (is_open()) return broker_->publish(std::move(publication));
-    broker_->disconnect(true);
+    broker_->disconnect(Will::published);
     own_.emplace_back(Lost{"this gateway of the pair is not confirmed as the active one", 0});
   }
   void subscribe(Subscription subscription) override {

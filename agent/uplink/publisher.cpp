@@ -15,7 +15,7 @@ namespace fxagent {
 
 Publisher::Publisher(Config& config, PublisherSettings settings, JsonPayload& payload,
                      Outbox& outbox, Broker& broker, Commands& commands, UtcClock utc_ms,
-                     GuardedStore* store, NumberAbove number_above, AskCounters ask_counters)
+                     GuardedStore* store)
     : config_(config),
       settings_(std::move(settings)),
       payload_(payload),
@@ -24,7 +24,6 @@ Publisher::Publisher(Config& config, PublisherSettings settings, JsonPayload& pa
       commands_(commands),
       utc_ms_(std::move(utc_ms)),
       store_(store),
-      number_above_(std::move(number_above)),
       backoff_(settings_.jitter_seed),
       outgoing_(broker),
       subscriptions_(config.base_topic(), broker, backoff_,
@@ -51,7 +50,7 @@ Publisher::Publisher(Config& config, PublisherSettings settings, JsonPayload& pa
       status_(
           {config, commands.results(), session_, subscriptions_, states_, retained_, results_,
            samples_, store, outlets_, settings_.boot, settings_.version},
-          utc_ms_, [this] { outbox_.notify(); }, std::move(ask_counters)),
+          utc_ms_, [this] { outbox_.notify(); }, settings_.ask_counters),
       farewell_(outgoing_, "state",
                 [this] { return std::vector{payload_.agent_offline(utc_ms_())}; }),
       shutdown_(session_, farewell_, std::chrono::seconds(3)),
@@ -130,7 +129,7 @@ void Publisher::take_found_late(SteadyTime now) {
   std::vector<std::uint64_t> numbers;  // 0: not above this run's
   for (const DeviceConfig& device : std::as_const(config_).devices)
     numbers.push_back(late->numbers[device.name]);
-  if (number_above_) number_above_(std::move(numbers));
+  if (settings_.number_above) settings_.number_above(std::move(numbers));
 }
 
 void Publisher::take_outbox(SteadyTime now) {

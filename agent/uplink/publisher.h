@@ -49,33 +49,32 @@ struct PublisherSettings {
   /// Limit for results that the broker has not acknowledged. Above it the agent unsubscribes from
   /// commands, until half of these bytes are delivered.
   std::size_t result_bytes = std::size_t{16} << 20;
-  /// True for the boot of another process that may have our id; empty: none may.
-  std::function<bool(const std::string& boot)> is_ours{};
   std::uint64_t first_seq = 0;    ///< devices that begin later have no sequence number below it
   std::uint32_t jitter_seed = 1;  ///< of the retry delays; differs between agents
+  // Any of these may be empty.
+  /// Returns true for the boot of another process that may have our id; empty: none may.
+  std::function<bool(const std::string& boot)> is_ours{};
+  /// Called when a store has opened that was not available at the start. Gets the last sequence
+  /// number of each device; the field numbers samples above these afterwards.
+  std::function<void(std::vector<std::uint64_t>)> number_above{};
+  /// Called before health is published: the field then sends its counters through the outbox.
+  std::function<void()> ask_counters{};
 };
 
 /// Uplink thread only. Time is an argument; `utc_ms` returns the current calendar time.
 class Publisher final {
  public:
   using UtcClock = std::function<std::int64_t()>;
-  using NumberAbove = std::function<void(std::vector<std::uint64_t>)>;
-  using AskCounters = std::function<void()>;
 
   /// All references outlive the publisher. `config` is the config with which `payload` and
   /// `commands` were created; it belongs to the uplink, and change() replaces it. `store` is also
-  /// the journal of `commands`; null: memory only. step() calls `number_above` when a store that
-  /// was not available at the start has opened. Its argument is the last sequence number of each
-  /// device; samples are numbered above these afterwards. `ask_counters` is called before health is
-  /// published: the field then sends its counters through the outbox.
+  /// the journal of `commands`; null: memory only.
   Publisher(Config& config, PublisherSettings settings, JsonPayload& payload, Outbox& outbox,
-            Broker& broker, Commands& commands, UtcClock utc_ms, GuardedStore* store = nullptr,
-            NumberAbove number_above = {}, AskCounters ask_counters = {});
+            Broker& broker, Commands& commands, UtcClock utc_ms, GuardedStore* store = nullptr);
   Publisher(const Publisher&) = delete;
   Publisher& operator=(const Publisher&) = delete;
 
-  /// Adds a profile with a session of its own. Call before the first step(); it is used until
-  /// finished().
+  /// Adds a profile with its own session. Call before the first step(). Used until finished().
   void add(Outlet& outlet) {
     outlet.answer_in_stop([this] { return !shutdown_.finished() && !intake_.empty(); });
     outlets_.push_back(&outlet);
@@ -162,7 +161,6 @@ class Publisher final {
   Commands& commands_;
   const UtcClock utc_ms_;
   GuardedStore* const store_;
-  const NumberAbove number_above_;
 
   JitteredBackoff backoff_;
   Outgoing outgoing_;

@@ -149,13 +149,13 @@ void PahoBroker::connect(std::size_t index, std::uint16_t receive_maximum) {
   }
 }
 
-void PahoBroker::disconnect(bool with_will) {
+void PahoBroker::disconnect(Will will) {
   if (!connection_ || !connection_->is_connected()) {
     retire();
     inbox_->begin(connections_);
     return inbox_->post(connections_, Disconnected{});
   }
-  if (with_will) {
+  if (will == Will::published) {
     connection_->break_off();
     return inbox_->post(connections_, Disconnected{});
   }

@@ -44,7 +44,7 @@ class PahoBroker final : public Broker {
   /// Reads the password again at each call: a changed secret needs no restart. Always verifies host
   /// name and chain of a TLS server's certificate.
   void connect(std::size_t index, std::uint16_t receive_maximum) override;
-  void disconnect(bool with_will = false) override;
+  void disconnect(Will will = Will::discarded) override;
   bool is_connected() const override;
   void publish(Publication publication) override;
   void subscribe(Subscription subscription) override;
@@ -62,8 +62,7 @@ class PahoBroker final : public Broker {
   const std::size_t max_payload_;
   const std::chrono::seconds keep_session_;
   const SettingNames names_;
-  /// Owned by this object and every connection: a callback may still run after its connection has
-  /// been retired.
+  /// Owned by this and every connection: a callback may still run when its connection is retired.
   std::shared_ptr<PahoInbox> inbox_;
   std::uint64_t connections_ = 0;  ///< number of the current connection, or of the last
   std::unique_ptr<PahoConnection> connection_;
@@ -74,8 +73,7 @@ class PahoBroker final : public Broker {
     std::unique_ptr<PahoConnection> connection;
     std::chrono::steady_clock::time_point since;
   };
-  /// Abandoned connections, each kept for at least 1 s, until Paho's threads have surely left its
-  /// callbacks.
+  /// Abandoned connections, kept for at least 1 s each: Paho's threads have surely left then.
   std::vector<Retired> retired_;
 };
 

@@ -35,7 +35,7 @@ Outlet::Outlet(const Config& config, Settings settings, Profile& profile, Broker
           broker, outgoing_, settings_.mqtt, backoff_,
           {[this](const Connected& event, SteadyTime now) { connection_began(event, now); },
            [this](SteadyTime) { connection_ended(); }, [this] { samples_.spool_live(); }, [] {}},
-          settings_.name, profile.leaves_with_will()),
+          settings_.name, profile.leaves_with_will() ? Will::published : Will::discarded),
       samples_(config, settings_.boot, profile, outgoing_, backoff_, store,
                settings_.backlog_bytes),
       drops_(samples_.spool().waiting(), store, session_),

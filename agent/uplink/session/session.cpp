@@ -18,13 +18,13 @@ constexpr seconds kGoodbye{2};  // wait for Disconnected before connecting anywa
 }  // namespace
 
 Session::Session(Broker& broker, Outgoing& outgoing, const MqttConfig& mqtt,
-                 JitteredBackoff& backoff, Listener listener, std::string profile, bool with_will)
+                 JitteredBackoff& backoff, Listener listener, std::string profile, Will will)
     : broker_(broker),
       outgoing_(outgoing),
       connects_(mqtt, backoff),
       listener_(std::move(listener)),
       profile_(std::move(profile)),
-      with_will_(with_will) {}
+      will_(will) {}
 
 std::string Session::server() const {
   return connects_.server() + (profile_.empty() ? "" : " for " + profile_);
@@ -75,7 +75,7 @@ void Session::on(const Disconnected&, SteadyTime now) {
 
 void Session::keep(SteadyTime now) {
   if (link_ == Link::connecting && now >= act_at_) {
-    broker_.disconnect(with_will_);
+    broker_.disconnect(will_);
     on(ConnectFailed{"no answer"}, now);
   }
   watch(now);
@@ -103,7 +103,7 @@ void Session::reconnect_one_at_a_time(SteadyTime now) {
       {{"server", connects_.server()},
        {"note", "PUBACKs arrive late, after messages; connecting again with Receive Maximum 1"}});
   receive_maximum_ = 1;
-  broker_.disconnect(with_will_);
+  broker_.disconnect(will_);
   broker_.hold_messages(true);  // unread messages end with the session
   end(now);
   link_ = Link::leaving;
@@ -116,7 +116,7 @@ void Session::restart(SteadyTime now) {
   last_failure_.clear();
   receive_maximum_ = kReceiveMaximum;
   if (was_connected) {
-    broker_.disconnect(with_will_);
+    broker_.disconnect(will_);
     end(now);
   }
   if (link_ == Link::connecting) listener_.attempt_failed();
@@ -127,7 +127,7 @@ void Session::restart(SteadyTime now) {
 
 void Session::go_to_next(SteadyTime now) {
   const SteadyTime next = connects_.after_failure(now);
-  broker_.disconnect(with_will_);
+  broker_.disconnect(will_);
   end(now);
   link_ = Link::leaving;
   act_at_ = not_before_ = std::max(next, now + kGoodbye);
@@ -138,7 +138,7 @@ void Session::reconnect_if_leaving(SteadyTime now) {
 }
 
 void Session::close(SteadyTime now) {
-  if (link_ != Link::connected) broker_.disconnect(with_will_);
+  if (link_ != Link::connected) broker_.disconnect(will_);
   end(now);
 }
 
@@ -148,7 +148,7 @@ void Session::watch(SteadyTime now) {
   const auto unanswered_since = outgoing_.unanswered_since();
   if (link_ == Link::connected && unanswered_since &&
       now - *unanswered_since >= kNoAcknowledgement) {
-    broker_.disconnect(true);
+    broker_.disconnect(Will::published);
     on(Lost{"no acknowledgement for 30 s"}, now);
   }
   if (link_ != Link::connected) return down_since_.reset();

@@ -31,9 +31,9 @@ class Session final {
   };
 
   /// All references outlive the session; `mqtt` has the servers. `profile` names it in the log;
-  /// empty: it is the agent's own. `with_will`: it leaves by Broker::disconnect(true).
+  /// empty: it is the agent's own. `will`: of each disconnect.
   Session(Broker& broker, Outgoing& outgoing, const MqttConfig& mqtt, JitteredBackoff& backoff,
-          Listener listener, std::string profile = {}, bool with_will = false);
+          Listener listener, std::string profile = {}, Will will = Will::discarded);
 
   void on(const Connected& event, SteadyTime now);
   void on(const ConnectFailed& event, SteadyTime now);
@@ -47,8 +47,7 @@ class Session final {
 
   /// Disconnects, and connects to the same server again with Receive Maximum 1. Messages received
   /// so far are answered. Messages queued at the broker are lost with the session, as with every
-  /// loss.
-  /// Call only while is_connected().
+  /// loss. Call only while is_connected().
   void reconnect_one_at_a_time(SteadyTime now);
   /// Abandons the present connection or attempt, and starts again with the first server.
   void restart(SteadyTime now);
@@ -59,7 +58,7 @@ class Session final {
   /// has to receive the final state.
   void reconnect_if_leaving(SteadyTime now);
   /// Closes the connection, in a shutdown; close() follows.
-  void disconnect() { broker_.disconnect(with_will_); }
+  void disconnect() { broker_.disconnect(will_); }
   /// Completes the shutdown: publications not delivered yet stay undelivered.
   void close(SteadyTime now);
 
@@ -95,7 +94,7 @@ class Session final {
   ConnectSchedule connects_;
   const Listener listener_;
   const std::string profile_;
-  const bool with_will_;
+  const Will will_;
 
   Link link_ = Link::waiting;
   bool starting_ = true;

@@ -28,9 +28,9 @@ class FakeBroker final : public Broker {
     else if (answers)
       events_.push_back(ConnectFailed{"connection refused"});
   }
-  void disconnect(bool with_will = false) override {
+  void disconnect(Will will = Will::discarded) override {
     ++disconnects;
-    left_with_will = with_will;
+    left_with_will = will == Will::published;
     up_ = false;
     events_.push_back(Disconnected{});
   }

@@ -69,10 +69,10 @@ struct PublisherBench {
           },
           guarded ? &guarded->journal() : nullptr);
       if (guarded) commands->restore(recover(config, guarded->journal(), utc(), now), now, utc());
+      settings.number_above = [this](Seqs numbers) { found_late.push_back(std::move(numbers)); };
       publisher = std::make_unique<Publisher>(
           config, settings, *format, outbox, broker, *commands, [this] { return utc(); },
-          guarded.get(), [this](Seqs numbers) { found_late.push_back(std::move(numbers)); },
-          ask_counters);
+          guarded.get());
     }
     return *publisher;
   }
@@ -185,7 +185,6 @@ struct PublisherBench {
   }
 
   std::function<void(const AdmittedCommand&)> on_admitted;
-  std::function<void()> ask_counters;
   std::string response_topic;  ///< for later commands
   Bytes correlation;
 };

@@ -370,7 +370,7 @@ TEST(PublisherIdentity, AnswersForUnknownDevicesAreNotJournaled) {
 
 TEST_F(PublisherIdentityTest, HealthWaitsForTheCountersOfThisMoment) {
   int asked = 0;
-  bench.ask_counters = [&asked] { ++asked; };
+  bench.settings.ask_counters = [&asked] { ++asked; };
   bench.settle();
   EXPECT_EQ(asked, 1);
   EXPECT_TRUE(bench.broker.on(kBase + "/health").empty());

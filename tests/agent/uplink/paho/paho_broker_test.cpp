@@ -767,7 +767,7 @@ TEST_F(PahoBrokerTls, WillIsSaidForOneThatLeavesWithIt) {
   MqttConfig other = config;
   other.client_id += "-leaver";
   OnlineClient leaver(other, retained("will/leaver", "gone"));
-  leaver->disconnect(true);
+  leaver->disconnect(Will::published);
   EXPECT_EQ(observer.next<Message>().topic, "will/leaver");
 }
 
@@ -912,7 +912,7 @@ TEST_P(PahoBrokerVersion, WillIsSaidForOneThatLeavesWithIt) {
   observer->publish(publication(1, "to/leaver", "x"));
   leaver.await_event();
   leaver->hold_messages(true);
-  leaver->disconnect(true);
+  leaver->disconnect(Will::published);
   EXPECT_FALSE(leaver->is_connected());
   EXPECT_EQ(leaver.next<Message>().topic, "to/leaver") << "what has arrived is not lost";
   leaver.next<Disconnected>();
