@@ -43,8 +43,7 @@ class Reload final {
   /// `with_reload`: hangup_within() has taken a SIGHUP.
   Reload(std::string path, RemoteConfig& remote, std::shared_ptr<const Config> running,
          Field& field, Outbox& outbox, Publisher& publisher, TakeBack take_back, Begin begin);
-  /// Calls stop() if necessary and joins the thread. Blocks as long as a read of an unresponsive
-  /// file takes.
+  /// Calls stop() if necessary and joins the thread. Waits for a read of an unresponsive file.
   ~Reload();
 
   /// Abandons a reload in progress, except for steps that field and uplink already perform. Call it
@@ -66,8 +65,7 @@ class Reload final {
 
   void listen();
   void wake();
-  /// Waits for SIGHUP or a timer. True if the signal came from outside this process, and not from
-  /// wake().
+  /// Waits for SIGHUP or a timer. True if the signal came from another process, not from wake().
   bool wait();
   void run(Begin begin);
   void look_at_news();
@@ -106,8 +104,7 @@ class Reload final {
   std::thread thread_;
 };
 
-/// Takes a SIGHUP before a Reload exists. Returns false if none came within `patience`. Main
-/// thread.
+/// Takes a SIGHUP before a Reload exists. False: none came within `patience`. Main thread.
 bool hangup_within(std::chrono::seconds patience);
 
 /// Logs each error of a rejected config; `path` is the local file.

@@ -70,8 +70,7 @@ struct ProtocolInfo {
   SettingHints hints;
   /// Hints that replace `hints` for models whose settings are found in another place.
   std::vector<std::pair<std::string_view, SettingHints>> model_hints;
-  /// Human-readable place in the PLC where frame format and sum check are set. Empty if there is
-  /// none.
+  /// Human-readable place in the PLC that sets frame format and sum check. Empty: there is none.
   std::string_view format_place;
   /// Returns the PLC setting that these options and this line need: "is D8120 H6086 …".
   std::string (*plc_line_word)(const Options&, const LineDefaults&) = nullptr;

@@ -12,8 +12,7 @@ namespace fxagent {
 /// Direction of a frame: to the device, or from it.
 enum class Direction : std::uint8_t { request, reply };
 
-/// The output of `fxagent decode` for one frame. Optional fields are set if the frame has that
-/// part.
+/// Output of `fxagent decode` for one frame. Optional fields are set if the frame has that part.
 struct Explanation {
   bool ok = false;
   Direction direction = Direction::request;

@@ -50,8 +50,7 @@ template <class Walk>
 void read_field(void (Walk::*reader)(const Field&), FrameWalk& walk, const Field& field) {
   (static_cast<Walk&>(walk).*reader)(field);
 }
-/// Returns a field for the tables of one walk. `reader` is a function of that walk's class or of
-/// FrameWalk.
+/// Returns a field for the tables of a walk. `reader` is a function of its class or of FrameWalk.
 template <auto reader>
 constexpr Field read_by(std::string_view name, std::size_t digits = 0) {
   return {[](FrameWalk& walk, const Field& field) { read_field(reader, walk, field); }, name,

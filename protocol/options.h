@@ -30,8 +30,7 @@ struct OptionSpec {
 
 /// Value of `model` if the agent is to ask the device for it.
 inline constexpr std::string_view kAutoModel = "auto";
-/// Every option of the protocol with its configured or default value. `model` is always present,
-/// also as "auto".
+/// Every option of the protocol, configured or default. `model` is always present, also as "auto".
 using Options = std::map<std::string, OptionValue, std::less<>>;
 
 /// Returns the value of an option, or null if it is absent or has another type.

@@ -14,8 +14,7 @@
 
 namespace fxagent {
 
-/// Special devices of a model that show the state of its CPU, as the manual names them. Empty: the
-/// model has none.
+/// Special devices that show the state of a model's CPU, as the manual names them. Empty: none.
 struct SpecialDevices {
   enum class Clock : std::uint8_t {
     none,
@@ -82,13 +81,11 @@ class PlcServices {
   virtual Request run_request(bool run) const {
     return Control{run ? Control::Kind::run : Control::Kind::stop};
   }
-  /// Returns a human-readable hint after a failed run or stop: the switch position that this
-  /// protocol needs.
+  /// Returns a hint for people after a failed run or stop: the switch position that is needed.
   virtual std::string run_hint() const = 0;
 };
 
-/// Returns the model that `codec` was made for. Empty while it is unknown, or if its protocol has
-/// no models.
+/// Returns the model of `codec`; empty while it is unknown, or if its protocol has no models.
 inline std::string model_of(const Codec& codec) {
   const PlcServices* plc = codec.plc();
   return plc == nullptr ? std::string() : plc->model();

@@ -64,8 +64,7 @@ struct PlanQuestion {
   std::vector<std::string> what_ifs;  ///< each "DEVICE FIRST..LAST@MS"
   bool as_json = false;
 };
-/// Prints the plan; with what-ifs, the plan before and after them. Returns 0, or 2 if a what-if is
-/// wrong.
+/// Prints the plan; with what-ifs, before and after them. Returns 0, or 2 if a what-if is wrong.
 int run_plan(const Config& config, const PlanQuestion& question);
 
 // ---- read, write, force-on, force-off: one command directly to a device, with the admission and
@@ -171,8 +170,7 @@ struct ReplayQuestion {
   std::string pcapng;  ///< file to write; empty: print the frames
   bool as_json = false;
 };
-/// Explains the frames of a recording. Returns 1 if the capture cannot be written, 2 if the file is
-/// not a recording.
+/// Explains the frames of a recording. Returns 1 if the capture fails, 2 if the file is not one.
 int run_replay(const ReplayQuestion& question);
 
 struct DecodeQuestion {
@@ -182,8 +180,7 @@ struct DecodeQuestion {
   std::optional<Direction> direction;
   bool as_json = false;
 };
-/// Explains a frame field by field. Returns 0 for a valid frame, 1 for an invalid one, 2 for a
-/// wrong argument.
+/// Explains a frame field by field. Returns 0 if it is valid, 1 if not, 2 for a wrong argument.
 int run_decode(const DecodeQuestion& question);
 
 // ---- audit: lists the commands that an agent has received, read from its store file, and checks

@@ -47,8 +47,7 @@ class CommandAdmission final {
 
   /// Rejects every later command that would be admitted, with `reloading`.
   void close() { is_reloading_ = true; }
-  /// Continues with another device, or config, of the same name: admits again, and keeps the known
-  /// ids.
+  /// Continues with another device or config of this name: admits again, and keeps the known ids.
   void use(const DeviceConfig& device) {
     device_ = &device;
     is_reloading_ = false;

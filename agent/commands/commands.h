@@ -93,8 +93,7 @@ class CommandResults final {
   const std::function<void(const ResultMessage&)> keep_total_;
   std::vector<JournalEntry> to_record_;
   std::vector<ResultMessage> waiting_;
-  /// Total latencies of the newest results, by command number. The journal gets them only with the
-  /// acknowledgement.
+  /// Total latencies of the newest results, by number; the journal gets them when acknowledged.
   std::deque<std::pair<std::uint64_t, std::chrono::nanoseconds>> totals_;
   std::map<CommandStatus, std::uint64_t> counts_;
   std::deque<std::shared_ptr<const LastCommand>> last_;

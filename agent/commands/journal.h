@@ -90,8 +90,7 @@ class CommandJournal {
   /// True if the disk does not answer. Commands of the last journal() may then never reach the
   /// journal, and must not be carried out.
   virtual bool hangs() const { return false; }
-  /// Records the results of commands, admitted or not, in one commit. The first result of a command
-  /// stays.
+  /// Records results of commands, admitted or not, in one commit. A command's first result stays.
   virtual void record(std::vector<JournalEntry> entries) = 0;
   void record(JournalEntry entry) {
     std::vector<JournalEntry> entries;

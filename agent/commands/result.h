@@ -39,8 +39,7 @@ CommandResult not_sent(const AdmittedCommand& admitted, Reason why = Reason::shu
 
 // The text of a result.
 
-/// Largest result. Above this the details of targets are left out, then the values, then the
-/// targets.
+/// Largest result. Above it the details of targets are left out, then values, then targets.
 inline constexpr std::size_t kMaxResultBytes = 65536;
 /// Returns the result of a command, docs/interface.md section 5; total_ms is null if not known.
 std::string result_text(const CommandResult& result);

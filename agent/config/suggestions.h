@@ -1,5 +1,4 @@
-// Suggests what a user may have meant by a word that is not valid, or by the name of a PLC model.
-// Pure.
+// Suggests what a user may have meant by an invalid word, or by the name of a PLC model. Pure.
 #pragma once
 
 #include <span>

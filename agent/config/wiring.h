@@ -1,5 +1,4 @@
-// Connects a device's config to protocol/checklist.h: how it is wired, and what to check when it is
-// silent. Pure.
+// Connects a device's config to protocol/checklist.h: its wiring, and what to check. Pure.
 #pragma once
 
 #include <string>

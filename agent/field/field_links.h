@@ -37,12 +37,10 @@ class FieldLinks final {
 
   /// Begins the loop of each link on `io`.
   void start();
-  /// Ends all links as LinkWorker::stop(). Calls `over`, perhaps more than once, when all have
-  /// ended.
+  /// Ends all links as LinkWorker::stop(). Calls `over`, perhaps repeatedly, when all have ended.
   void stop(Done over);
   bool is_stopping() const { return stopping_; }
-  /// Returns the links that have not ended: the first names and the number of the others. Any
-  /// thread.
+  /// See Field::unfinished().
   std::string unfinished() const;
 
   /// Hands a command to its link. Its result, whatever it is, goes to the outbox.
@@ -50,17 +48,12 @@ class FieldLinks final {
   /// As Field::yield(). Without such a link, `done` gets Reason::reloading.
   void yield(const std::string& link, std::chrono::minutes time, const std::string& text,
              LinkWorker::Done done);
-  /// Continues sequence numbers above these, by device.
+  // As in Field.
   void number_above(const std::vector<std::uint64_t>& last_seq);
-  /// Puts the current counters into the outbox.
   void report();
-
-  /// Logs each frame of these links, given by index in Config::links.
   void trace(const std::vector<std::uint32_t>& links);
-  /// Switches the traces of all links: off if any is traced, otherwise on.
-  void switch_traces();
-
-  // As in Field. Nothing happens, and `done` is not called, after stop().
+  void switch_traces();  ///< as at the signal of Field::switch_traces_at()
+  // After stop() nothing happens, and `done` is not called.
   void end(const ConfigChange& change, Done done);
   void begin(const std::shared_ptr<const ConfigChange>& next, std::vector<std::uint64_t> last_seq,
              Done done);

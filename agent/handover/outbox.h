@@ -30,8 +30,7 @@ class Outbox final {
     /// Telemetry pushed since the outbox was created, including dropped messages. After a take() it
     /// is the number of samples that the uplink must account for.
     std::uint64_t pushed = 0;
-    /// Value of `pushed` at the time `health` was pushed. The field's own counters must agree with
-    /// it.
+    /// Value of `pushed` when `health` was pushed. The field's own counters must agree with it.
     std::uint64_t pushed_at_health = 0;
     std::vector<std::function<void(SteadyTime now)>> calls;  ///< to run after the rest is processed
   };
@@ -66,8 +65,7 @@ class Outbox final {
 
   /// Removes and returns everything that waits. Uplink thread.
   Batch take();
-  /// Returns at `deadline`, or earlier if something was pushed or notify() was called since the
-  /// last return.
+  /// Returns at `deadline`, or after the first push or notify() since the last return.
   void wait_until(SteadyTime deadline);
   /// Collects telemetry until `deadline`. Any other push, or notify(), ends it early. Under a
   /// steady flow of samples, many of them then share the cost of one thread wake-up.

@@ -126,8 +126,7 @@ struct ConfigStatus {
   std::optional<Remote> remote;       ///< nullopt: remote config is not allowed
 };
 
-/// Lists are indexed as Config::devices of `config` unless they say otherwise. A reload replaces
-/// `config`.
+/// Lists are indexed as Config::devices unless they say otherwise. A reload replaces `config`.
 struct AgentStatus {
   /// Never null if made by the uplink. Shared by the uplink and each status made with it.
   std::shared_ptr<const Config> config;

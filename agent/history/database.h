@@ -29,8 +29,7 @@ struct Put {
   DatabaseFault fault;
 };
 
-/// Says when a commit returns. on: it is on the disk of the server. off: a crash of the server may
-/// lose it.
+/// When a commit returns. on: it is on the server's disk. off: a crash of the server may lose it.
 enum class SynchronousCommit : std::uint8_t { on, off };
 
 /// Returns the reason why libpq cannot parse a connection string, or an empty text.

@@ -73,8 +73,7 @@ class HttpServer final {
   /// Longest time from accept to the last byte of the answer, and longest silence in between.
   static constexpr std::chrono::seconds kLongestConnection{10};
   static constexpr std::chrono::seconds kLongestSilence{5};
-  /// Largest number of requests that wait for a later answer (see is_full()), and the longest time
-  /// that one waits.
+  /// Most requests that wait for a later answer (see is_full()), and the longest wait of one.
   static constexpr std::ptrdiff_t kMostWaiting = 16;
   static constexpr std::chrono::seconds kLongestWait{120};
 

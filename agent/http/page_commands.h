@@ -28,8 +28,7 @@ class PageCommands final {
   PageCommands(const PageCommands&) = delete;
   PageCommands& operator=(const PageCommands&) = delete;
 
-  /// Returns the refusal, or nullopt if the command is on its way. Then take_results() has its
-  /// result.
+  /// Returns the refusal. nullopt: the command is on its way, and take_results() gets its result.
   std::optional<HttpAnswer> place(const HttpRequest& request);
 
   struct Result {

@@ -95,8 +95,7 @@ const std::vector<ConfigNode>& children_at(const ConfigNode& node, std::string_v
 void note_other_keys(Imported& out, const ConfigTree& tree, const ConfigNode& node,
                      const std::string& what, std::initializer_list<std::string_view> known);
 
-/// Makes valid, unique config names from foreign names: lower case, with "_" for invalid
-/// characters.
+/// Makes valid, unique config names of foreign ones: lower case, "_" for invalid characters.
 class NameMaker {
  public:
   /// Returns `fallback` if no character of `wanted` is valid in a name. Adds a note for that, for
@@ -137,8 +136,7 @@ class LinkTable {
   /// `serial`. For any other `port` adds a note and returns the link to the placeholder.
   std::string to(const std::string& port, std::string_view protocol, int line = 0,
                  const JsonObject& settings = {});
-  /// Returns the name of the link to the placeholder for `protocol`, and adds a note that begins
-  /// with `why`.
+  /// Returns the link to the placeholder for `protocol`, and adds a note that begins with `why`.
   std::string to_placeholder(std::string_view protocol, int line, const std::string& why = {});
   /// True if `port` is a serial port; nullopt if it is neither that nor host and port.
   static std::optional<bool> is_serial(std::string_view port);

@@ -33,8 +33,7 @@ class LogWriter final {
   struct Callbacks {
     /// Returns the line that reports the number of dropped lines. Called on the writer's thread.
     std::function<std::string(std::uint64_t count)> dropped;
-    /// Returns lines that are due without a call of write(). Called every second on the writer's
-    /// thread.
+    /// Returns lines that are due without write(). Called every second on the writer's thread.
     std::function<std::vector<std::string>()> due;
   };
 
@@ -74,8 +73,7 @@ class LogWriter final {
     bool behind = false;      ///< a caller waited in vain, and the queue has not been empty since
     bool over = false;
   };
-  /// Queues the line. False: the queue is full, and the line is counted as dropped. Call with the
-  /// mutex locked.
+  /// Queues the line. False: the queue is full, and counts the line as dropped. Under the mutex.
   bool take(Line line, std::size_t room);
   static void run(const std::shared_ptr<Shared>& shared, int handle, const Callbacks& callbacks);
   static void write_all(int handle, const std::string& text);

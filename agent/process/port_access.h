@@ -25,8 +25,7 @@ bool is_no_port(const std::string& path);
 /// open the port.
 std::optional<PortHolder> port_holder(const std::string& path);
 
-/// True if the file is an argument of the process, under any name. False if this user may not see
-/// it.
+/// True if the file is an argument of the process, under any name. False: not visible to this user.
 bool is_called_with(int pid, const std::string& path);
 
 /// A process and the plain files that its arguments name.

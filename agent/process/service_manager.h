@@ -14,8 +14,7 @@ namespace fxagent::service_manager {
 /// True if there is a service manager: NOTIFY_SOCKET is set.
 bool is_there();
 
-/// Field and uplink are running. After notify_reloading(): the new config is in force, or the old
-/// one still is.
+/// Field and uplink are running. After notify_reloading(): the new or the old config is in force.
 void notify_ready();
 /// The config is being read again, until notify_ready(). Sends the current time, which a unit of
 /// Type=notify-reload needs (systemd 253).

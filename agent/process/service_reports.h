@@ -51,8 +51,7 @@ class ServiceReports final {
     std::function<std::string()> status;
   };
 
-  /// `signs` outlives the object. The environment names the service manager's socket and the
-  /// interval.
+  /// `signs` outlives the object. The environment has the service manager's socket and interval.
   ServiceReports(Heartbeats& signs, Sources sources, Time now);
 
   /// Returns the time of the next keep(); Time::max(): no service manager listens.

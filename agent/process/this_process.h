@@ -20,8 +20,7 @@ ProcessFacts read_process_facts();
 /// Looks up a variable in the environment of the process.
 std::optional<std::string> process_environment(std::string_view name);
 
-/// Returns the machine's boot id, which differs after each boot; empty if unknown. Reads /proc. Any
-/// thread.
+/// Returns the machine's boot id, new at each boot; empty if unknown. Reads /proc. Any thread.
 std::string boot_id();
 
 // ---- resources that the agent needs before it begins, or before a new config. Without them it

@@ -25,7 +25,6 @@ struct NumberPlace {
 /// Finds it by comparing a request with two numbers.
 NumberPlace number_place(const Codec& codec);
 
-/// Head of a recording.
 struct RecordingHead {
   std::string agent{};    ///< its id
   std::string version{};  ///< of the program

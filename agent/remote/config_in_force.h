@@ -29,8 +29,7 @@ class ConfigInForce final {
   bool is_on_trial() const { return began_.has_value(); }
   std::chrono::milliseconds trial_time() const { return trial_time_; }
 
-  /// Puts `document` in force and ends the trial, if there is one. `servers` is mqtt.servers of
-  /// the config.
+  /// Puts `document` in force and ends a trial. `servers` is mqtt.servers of the config.
   void put_in_force(std::optional<KeptConfig> document, std::vector<std::string> servers) {
     document_ = std::move(document);
     set_servers(std::move(servers));

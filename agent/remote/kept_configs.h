@@ -61,8 +61,7 @@ std::string judge_last_run(KeptConfigs& kept, const std::string& boot, std::int6
 inline constexpr std::size_t kMaxKeptBytes = 32 * kMaxDesiredBytes;
 
 std::string to_text(const KeptConfigs& kept);
-/// Parses the file. The error text names the fault: damaged text, or a document that does not match
-/// its hash.
+/// Parses the file. The error text names the fault: damaged, or a document of another hash.
 tl::expected<KeptConfigs, std::string> kept_configs_from(std::string_view text);
 
 }  // namespace fxagent

@@ -19,8 +19,7 @@ class KeptFile final {
   /// `boot` is the boot id of the machine.
   explicit KeptFile(std::string boot) : boot_(std::move(boot)) {}
 
-  /// Sets the directory, empty if there is none, and the agent's base topic. Does not touch the
-  /// disk.
+  /// Sets the directory (empty: none) and the agent's base topic. Does not touch the disk.
   void open(const std::string& directory, std::string agent);
   /// Loads the configs that the last run kept. Leaves out those of another agent. Returns the fault
   /// if they cannot be read or are damaged, already logged; otherwise empty.

@@ -41,8 +41,7 @@ class AuditTrail final : public StorePart {
   /// the disk's thread commits.
   std::uint64_t next_command_number() { return ++last_command_number_; }
   std::uint64_t last_command_number() const { return last_command_number_; }
-  /// Without a file, numbers start here: above those of a file that opens later, unless the clock
-  /// went back.
+  /// Without a file, numbers start here: above those of a later file, unless the clock went back.
   void count_from(std::uint64_t command_number) { last_command_number_ = command_number; }
 
   /// Adds a record's body. It is written within 200 ms, or once the disk accepts it.

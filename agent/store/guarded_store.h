@@ -1,10 +1,7 @@
-// The store as the uplink uses it. Everything that may touch the disk runs on the disk's thread,
-// and the uplink waits for it at most 2 s: a disk that hangs must not hold up samples and results.
-//
-// Work that takes longer is overdue, and the store hangs: nothing else touches it until the disk
-// has answered. Until then writes are refused, as by a full disk. Notes wait in samples() and
-// journal(), bounded. The first upkeep() after the answer passes them to the store, after the
-// outcome of the overdue work.
+// The store as the uplink uses it. A DiskGuard runs everything that may touch the disk. While the
+// store hangs, writes are refused, as by a full disk. Notes wait in samples() and journal(),
+// bounded. The first upkeep() after the disk's answer passes them to the store, after the outcome
+// of the overdue work.
 //
 // Uplink thread; before that thread starts, the thread that made it.
 #pragma once
@@ -26,8 +23,7 @@ namespace fxagent {
 
 class GuardedStore final {
  public:
-  /// `store` outlives it. Calls `wake` on the disk's thread when overdue work has ended; call
-  /// upkeep() then.
+  /// `store` outlives it. Calls `wake` on the disk's thread after overdue work; call upkeep() then.
   GuardedStore(Store& store, std::function<void()> wake);
   void set_patience(std::chrono::milliseconds patience) {
     guard_.set_patience(patience);

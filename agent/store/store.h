@@ -54,8 +54,7 @@ class Store final {
   bool is_writable() const { return disk_.is_writable(); }
   /// Returns "disk", or "memory" if nothing can be written.
   std::string_view state() const { return is_writable() ? "disk" : "memory"; }
-  /// Bytes of samples and commands, without the audit trail. Above max_bytes(), upkeep() deletes
-  /// samples.
+  /// Bytes of samples and commands, without the audit. Above max_bytes(), upkeep() deletes samples.
   std::uint64_t bytes() const { return samples_.streams().bytes() + journal_.bytes(); }
   std::uint64_t max_bytes() const { return config_.max_bytes; }
   /// Name of the damaged file that was set aside in this run; empty if there is none.
@@ -67,8 +66,7 @@ class Store final {
   /// deleted or replaced: counts their contents as dropped, and opens or creates the files at the
   /// path. Cheap if nothing is due.
   void upkeep(SteadyTime now, std::int64_t utc_ms);
-  /// First part of upkeep(): records the time, in memory. Returns true if the rest has disk work to
-  /// do.
+  /// First part of upkeep(): records the time, in memory. True: the rest has disk work to do.
   bool note_time(SteadyTime now, std::int64_t utc_ms);
   /// True if upkeep() has something to write soon.
   bool has_pending() const;

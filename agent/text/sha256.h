@@ -13,11 +13,9 @@ namespace fxagent {
 using Digest = std::array<std::uint8_t, 32>;
 
 Digest sha256(std::string_view text);
-/// Writes two lower-case hex digits a byte. Not libcrypto's OPENSSL_buf2hexstr_ex(), which writes
-/// upper case.
+/// Returns two lower-case hex digits a byte. libcrypto's OPENSSL_buf2hexstr_ex() has upper case.
 std::string to_text(ByteView bytes);
-/// First 8 bytes of the digest of a config, a document or a meta, by which MQTT clients compare
-/// them.
+/// First 8 bytes of the digest, by which MQTT clients compare configs, documents and metas.
 std::string short_hash(std::string_view text);
 
 }  // namespace fxagent

@@ -35,8 +35,7 @@ class Outgoing final {
   /// Time in which an acknowledgement is processed if nothing else wakes the uplink.
   static constexpr std::chrono::milliseconds kAcknowledgedWithin{50};
 
-  /// `marker_topic` gets the markers; empty: a QoS 0 message counts as delivered when it was handed
-  /// to the socket.
+  /// `marker_topic` gets the markers; empty: a QoS 0 message is delivered when the socket has it.
   explicit Outgoing(Broker& broker, std::string marker_topic = {})
       : broker_(broker), marker_topic_(std::move(marker_topic)) {}
 
@@ -76,8 +75,7 @@ class Outgoing final {
   bool has_room_for_samples() const { return size() < (is_small() ? window_ : window_ - 2); }
   std::size_t size() const { return flights_.size() + waiting_.size(); }
   bool empty() const { return size() == 0; }
-  /// Time since which the broker has owed an answer: that of the first message, or of its last
-  /// answer.
+  /// Time since which the broker owes an answer: that of the first message, or of its last answer.
   std::optional<SteadyTime> unanswered_since() const { return unanswered_since_; }
 
  private:

@@ -29,8 +29,7 @@ class ComputerLink final : public Codec, public AddressSpace, public PlcServices
   /// Settings of D8120 and D8121 of the PLC, from the computer's side: station 0 to 15, and format
   /// 1 or 4, which ends each frame with CR LF.
   using Settings = mc::Dialect;
-  /// Read::way of the two units: BR returns one character for each bit, WR and QR four for each
-  /// word.
+  /// Read::way: BR returns one character for each bit, WR and QR four for each word.
   static constexpr std::uint8_t kBitWay = 0;
   static constexpr std::uint8_t kWordWay = 1;
 

@@ -11,13 +11,11 @@
 
 namespace fxagent::mc {
 
-/// Returns the bytes that a number of `bytes` bytes takes on the wire: the same, or two digits for
-/// each.
+/// Returns the size on the wire of a number of `bytes` bytes: the same, or two digits for each.
 constexpr std::size_t wire_size(Code code, std::size_t bytes) {
   return code == Code::ascii ? 2 * bytes : bytes;
 }
 
-/// Returns the form of the numbers in this code.
 constexpr NumberForm form_of(Code code) {
   return code == Code::ascii ? NumberForm::digits : NumberForm::low_first;
 }
@@ -62,8 +60,7 @@ class Body final {
   std::string error_;  ///< why the first such device has no name; empty: all have one
 };
 
-/// Returns why a request cannot name a device; empty if it can. `long_codes`: it has the codes of
-/// iQ-R.
+/// Returns why a request cannot name a device; empty if it can. `long_codes`: those of iQ-R.
 std::string why_not_named(const Dialect& dialect, Space space, std::uint32_t number,
                           bool long_codes);
 

@@ -13,8 +13,7 @@ namespace fxagent::mc {
 
 inline constexpr std::size_t kEndCode = 2;  ///< bytes of an end code in binary code
 
-/// Returns the route in `wire`, which is digits if the code is. That of a 3C frame ends with the PC
-/// number.
+/// Returns the route in `wire`, bytes or digits. That of a 3C frame ends with the PC number.
 Route route_in(Code code, ByteView wire);
 /// Returns "network 0, PC FF, module I/O 03FF, station 00".
 std::string to_string(const Route& route);

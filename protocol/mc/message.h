@@ -47,8 +47,7 @@ std::string end_code_text(std::uint16_t code, Series series);
 /// Returns the meaning for a read or for any other request. `runs_or_stops`: such a request is
 /// never sent twice, whatever the reason.
 RefusalMeaning meaning_of_end_code(std::uint16_t code, bool reads, bool runs_or_stops);
-/// True if the PLC refuses every request with this code, because of a password or a setting of its
-/// port.
+/// True if a PLC refuses every request with this code, for a password or a setting of its port.
 bool refuses_everything(std::uint16_t code);
 /// True if the PLC lacks the command or its subcommand.
 bool is_unknown_command(std::uint16_t code);

@@ -101,8 +101,7 @@ inline constexpr std::uint8_t kAnswer = 0x80;
 /// Returns the binary form of `frame`, read as hex digits. Its words are still high byte first.
 /// Drops a single last digit. nullopt: the frame is not hex digits.
 std::optional<Bytes> from_ascii(ByteView frame);
-/// Returns "FX3U" for the first byte of an answer to 15; empty if it is not a model of the
-/// catalogue.
+/// Returns "FX3U" for the first byte of an answer to 15; empty: not a model of the catalogue.
 std::string_view model_coded(int code);
 /// Returns "57: too many points, or beyond the last device" for the end code of a refusal and,
 /// after 5B, its abnormal code.

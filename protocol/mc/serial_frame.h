@@ -13,8 +13,7 @@ namespace fxagent::mc {
 /// Builds a request. Only format 2 carries `block`; its answers repeat it.
 Bytes serial_request(const Dialect& dialect, std::uint8_t block, ByteView message);
 
-/// Returns the characters of an answer with `data` characters of data, none of which is a doubled
-/// 10h; 0: no data.
+/// Returns the characters of an answer with `data` characters of data, without doubled 10h.
 std::size_t serial_answer_length(const Dialect& dialect, std::size_t data);
 
 /// Returns the bytes of `request` and of its answer that only double another byte. The answer has

@@ -1,5 +1,4 @@
-// Exact decimal arithmetic for large raw integers and scaled values. raw.cpp computes smaller ones
-// with doubles.
+// Exact decimal arithmetic for large raw and scaled values. raw.cpp has doubles for smaller ones.
 #pragma once
 
 #include <boost/multiprecision/cpp_int.hpp>
@@ -18,12 +17,10 @@ using Whole = boost::multiprecision::number<boost::multiprecision::cpp_int_backe
 /// A double distinguishes neighbouring integers up to ±2^53.
 inline constexpr double kExactDouble = 9007199254740992.0;
 
-/// Returns the decimal places in the shortest spelling of `number`: 2 for 0.05, 7 for 1e-7, 0 for
-/// 3.
+/// Returns the decimal places of the shortest spelling: 2 for 0.05, 7 for 1e-7, 0 for 3.
 int decimals_of(double number);
 
-/// Parses an optional minus and at most 40 digits without leading zeros. Returns nullopt for any
-/// other text.
+/// Parses an optional minus and at most 40 digits without leading zeros. nullopt: another text.
 std::optional<Whole> whole_from(std::string_view text);
 
 /// Returns an int64 if `number` fits, otherwise a BigInteger.

@@ -23,8 +23,7 @@ inline constexpr std::array kByteOrders{ByteOrder::abcd, ByteOrder::cdab, ByteOr
 
 /// Unpacks the bytes of a point as another point.
 using ReadAs = std::function<Result<Value>(const Point&)>;
-/// Reads from an image that begins at `first_bit` of the point's space, and must outlive the
-/// result.
+/// Reads from an image that begins at `first_bit` of its space and must outlive the result.
 ReadAs read_from(ByteView image, std::uint32_t first_bit);
 
 /// Returns the first of `orders` in which a float is plain (0, or 0.001 to 10,000,000; of an array

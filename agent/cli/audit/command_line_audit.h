@@ -29,8 +29,7 @@ class CommandLineAudit final {
   /// Records the command before it is sent. Returns false if the record is not on disk (see
   /// fault()); then the command must not be sent.
   bool admitted(const Command& command);
-  /// Records the result. Returns false if the record is not on disk; the command was still
-  /// executed.
+  /// Records the result. False: the record is not on disk; the command was still executed.
   bool finished(const CommandResult& result, std::int64_t utc_ms);
   /// Records a command that was not sent, with the reason.
   bool refused(const Command& command, const CommandResult& result);

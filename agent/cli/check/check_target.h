@@ -49,8 +49,7 @@ class ConfigPlaces {
   /// value is absent. Returns 0 if the text is no config.
   int line(std::string_view pointer) const;
 
-  /// Returns the pointer of a device, such as "/devices/3"; "/devices" if its entry makes several
-  /// devices.
+  /// Returns the pointer of a device, such as "/devices/3"; "/devices" if its entry makes several.
   std::string device(std::string_view name) const;
 
  private:

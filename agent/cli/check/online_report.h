@@ -21,8 +21,7 @@ struct OnlineHolder {
 };
 
 struct OnlineLink {
-  /// `held`: another process holds the link, so the check skipped it. `unused`: the link has no
-  /// device.
+  /// `held`: another process has the link, so the check skipped it. `unused`: it has no device.
   enum class State : std::uint8_t { open, down, held, unused };
   std::string name;
   std::string place;  ///< "/dev/ttyUSB0", "192.0.2.7:502"
@@ -52,7 +51,6 @@ struct OnlineDevice {
   std::vector<BadTag> bad{};
   std::vector<Hint> hints{};  ///< good floats that are absurd, and plain in another word order
 
-  /// Returns `text`; `reason` if it is empty.
   const std::string& text_or_reason() const { return text.empty() ? reason : text; }
 };
 

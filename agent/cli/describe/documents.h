@@ -17,8 +17,7 @@ Json payload_page();
 /// The same for the agent of this config, with its topics and tags.
 Json payload_page(const Config& config);
 
-/// Returns the schemas of the config's payloads by name: those of any agent, and those of
-/// schema_name().
+/// Returns the config's payload schemas by name: those of any agent, and of schema_name().
 Json schemas_of(const Config& config);
 
 /// --asyncapi: returns the AsyncAPI 3.0.0 document of this config's agent: its brokers without

@@ -43,8 +43,7 @@ enum class Use : std::uint8_t {
   sample,  ///< as the agent publishes it: the range of its type
   command  ///< as a command may have it: also within the tag's `min` and `max`
 };
-/// Returns the schema of the tag's values, with its labels, and with its description and unit as
-/// `description`.
+/// Returns the schema of the tag's values, with labels; description and unit are `description`.
 Json value_schema(const TagConfig& tag, Use use);
 
 }  // namespace fxagent::contract

@@ -20,8 +20,7 @@ std::chrono::milliseconds longest_wait(const DeviceConfig& device);
 
 /// Returns the first question to a device; nullopt: none would be answered.
 std::optional<Request> first_question(const Codec& codec);
-/// Asks the first question, which there must be, after putting the receiver of the device into a
-/// known state.
+/// Asks the first question, which must exist, after putting the receiver into a known state.
 ProbeAnswer greet(LineProbe& probe, const Codec& codec, std::chrono::milliseconds timeout);
 /// True if the device itself has answered, even with a refusal.
 bool is_there(const ProbeAnswer& answer, const Codec& codec);

@@ -65,8 +65,7 @@ class Rollout final {
   /// Returns the time at which the batch ends without the answers that are missing.
   SteadyTime deadline() const { return deadline_; }
   const std::vector<Push>& pushes() const { return pushes_; }
-  /// True if each agent has accepted its document, except those that were left out; and at least
-  /// one has.
+  /// True if each agent that was not left out has accepted its document, and there is one.
   bool is_good() const;
   /// Returns the number of the last batch that has begun, from 1.
   std::size_t batch() const { return (end_ + rules_.batch - 1) / rules_.batch; }

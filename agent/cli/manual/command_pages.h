@@ -14,8 +14,7 @@ class App;
 
 namespace fxagent {
 
-/// Adds a footer to `app` and to each of its subcommands. A line that ends in a colon starts a
-/// section.
+/// Adds a footer to `app` and each subcommand. A line that ends in a colon starts a section.
 void add_footers(CLI::App& app);
 
 /// Returns "auto" and the names of the formats of `fxagent import`.

@@ -15,8 +15,7 @@ std::string config_schema();
 /// section and, after that of devices, one for each group of protocols with the same keys.
 std::string config_tables();
 
-/// Returns the man page of the config file in roff: each section with its keys, then the keys of
-/// each protocol.
+/// Returns the man page of the config file in roff: the keys of each section and each protocol.
 std::string config_page(const std::string& version);
 
 }  // namespace fxagent

@@ -62,8 +62,7 @@ struct LinkReport {
   std::optional<int> baud;  ///< nullopt: unknown
   /// Time that the bus listens before the first request of each session, as in LinkConfig.
   std::chrono::milliseconds listening{0};
-  /// Load that the poll intervals ask for; groups without an interval use the rest. nullopt: speed
-  /// unknown.
+  /// Load that the poll intervals ask for; other groups use the rest. nullopt: speed unknown.
   std::optional<double> busy_percent;
   /// `bound_ms` of a one-word write with read-back while polls run and no command is queued. It is
   /// the longest such write that the config allows, else of any word among the tags, else of a

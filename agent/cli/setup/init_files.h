@@ -14,8 +14,7 @@ struct InitAnswers {
   std::string id = "edge1";
   std::string broker;  ///< "mqtt://host" with or without a port
   std::string user;    ///< MQTT user of the agent; empty: the id, if there is a password
-  /// Path relative to the config. If user and file are both empty, the config contains
-  /// neither.
+  /// Path relative to the config. If user and file are both empty, the config contains neither.
   std::string password_file;  ///< empty with a user: "mqtt_password"
   std::string operator_name = "nodered";
   std::string protocol;

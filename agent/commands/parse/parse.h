@@ -1,5 +1,4 @@
-// Parses commands as they come on a topic, and selects the fault that decides on one. Pure, any
-// thread.
+// Parses commands as they come on a topic, and selects the decisive fault. Pure, any thread.
 #pragma once
 
 #include <chrono>

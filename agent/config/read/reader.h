@@ -76,8 +76,7 @@ class ConfigReader {
   const ConfigNode* object(const ConfigNode& parent, const ConfigKey& key);
   const ConfigNode* array(const ConfigNode& parent, const ConfigKey& key);
   /// Returns the items of an array that the tree may have folded; empty if the key is absent or
-  /// wrong.
-  /// The caller owns the nodes and must keep them as long as it uses pointers to them.
+  /// wrong. The caller owns the nodes and must keep them as long as it uses pointers to them.
   std::vector<ConfigNode> items(const ConfigNode& parent, const ConfigKey& key);
 
   std::optional<std::int64_t> integer(const ConfigNode& parent, const ConfigKey& key);

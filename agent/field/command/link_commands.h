@@ -44,8 +44,7 @@ class LinkCommands final {
   /// Stops the running command from sending anything more, read-backs included.
   void end() { over_ = true; }
 
-  /// After a bug: answers the running commands with UNKNOWN_OUTCOME. The waiting ones go on
-  /// waiting.
+  /// After a bug: answers the running commands, not the waiting ones, with UNKNOWN_OUTCOME.
   void answer_running();
   /// Answers the waiting commands, all or those of `device`, with not_sent() and `why`.
   void refuse_waiting(Reason why, const LinkDevice* device = nullptr);

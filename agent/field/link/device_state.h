@@ -28,8 +28,7 @@ class DeviceState final {
     bool other_state = false;  ///< worth a line in the log; otherwise only a detail has changed
   };
 
-  /// `device` is an index in Config::devices, `codec` the config's. The state begins as offline,
-  /// "starting".
+  /// `device`: index in Config::devices. `codec`: the config's. Begins as offline, "starting".
   DeviceState(std::uint32_t device, const Codec& codec, std::int64_t now_ms);
 
   /// Records that the device has answered something.
@@ -46,8 +45,7 @@ class DeviceState final {
   bool compares_model() const { return compares_model_; }
   /// Records the PLC's model. nullopt: the PLC names no model and is not asked again.
   void compare_model(const std::optional<std::string>& of_plc);
-  /// Records that the question had no answer. After three, the PLC is not asked again until it has
-  /// been silent.
+  /// Records a question without an answer. After three, the PLC is not asked until it was silent.
   void model_unanswered();
   /// Records the RUN state; nullopt: unknown.
   void set_run(std::optional<bool> run) { run_ = run; }

@@ -35,8 +35,7 @@ class GroupPlans final {
   /// Records that the device answered these reads with data.
   void were_read(LinkDevice& device, const GroupPoll& group, ReadIndices reads);
 
-  /// Records that the device lacks a command for several places. All its groups get plans without
-  /// it.
+  /// Records that the device lacks this command. All its groups get plans without it.
   void give_up_command(LinkDevice& device, std::uint8_t gather, const std::string& reason);
   /// Records a Gather without a good answer, if its parts can also be read separately.
   void doubt_command(LinkDevice& device, const Request& request);

@@ -47,8 +47,7 @@ struct GroupPoll {
   SteadyTime began{};                      ///< start of the last cycle
   std::uint32_t holes_version = 0;         ///< HoleMap::version() when the plan was made
   std::chrono::nanoseconds turnaround{0};  ///< the device's own time when the plan was made
-  /// Reads of the running cycle that were refused because something is missing, and their line
-  /// time.
+  /// Reads of the running cycle that were refused for a missing place, and their line time.
   std::uint32_t refusals = 0;
   std::chrono::nanoseconds refused_time{0};
   /// Answers of the running cycle. Those are invalid that closed the connection.
@@ -99,11 +98,9 @@ struct LinkDevice {
   std::vector<std::string> logged_refusals;  ///< reasons logged since it was online
   DeviceState state{index, *config.codec, utc_now_ms()};
 
-  /// Logs why the device or its gateway refuses requests, each reason once until the device is
-  /// online.
+  /// Logs why the device or its gateway refuses requests, each reason once until it is online.
   void log_refusal_once(const std::string& reason);
-  /// Logs the first bytes that came in place of an answer and what they look like, once a day for
-  /// each cause.
+  /// Logs the first bytes in place of an answer and their likely cause, once a day for each cause.
   void log_foreign_bytes(const Exchange& exchange);
   HoleMap& found_holes() {
     if (holes == nullptr) holes = std::make_unique<HoleMap>();

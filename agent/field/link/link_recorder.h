@@ -53,8 +53,7 @@ class LinkRecorder final {
   /// Returns the index of the device for frames.
   std::uint16_t number(const DeviceConfig& device);
 
-  /// Compares the link with the previous call: a link that went down and a burst of bad frames are
-  /// anomalies.
+  /// Compares with the previous call: a lost link and a burst of bad frames are anomalies.
   void check_link(std::uint64_t bad_frames, bool is_up, const std::string& why_down);
   /// Takes the result of a command: UNKNOWN_OUTCOME and a result after `bound` are anomalies.
   /// nullopt: no bound applies.

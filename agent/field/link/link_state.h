@@ -99,8 +99,7 @@ class LinkState final {
   /// bus is open.
   bool is_left_ = false;
   bool was_down_ = false;  ///< was lost, failed to open or was taken back
-  /// The log reports the link as up. After a session without an answer, the next one is up at its
-  /// first answer.
+  /// The log reports the link as up. After a vain session, the next one is up at its first answer.
   bool logged_up_ = false;
   bool is_vain_ = false;      ///< the previous session had no answer
   bool was_refused_ = false;  ///< and its peer ended it

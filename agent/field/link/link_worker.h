@@ -61,8 +61,7 @@ class LinkWorker final {
   /// read-back has 2.5 s. `left` is called with them when all their results are in the outbox: at
   /// once, or after the exchange on the wire.
   void remove(std::span<const std::uint32_t> devices, std::function<void(LinkDevices)> left);
-  /// Applies poll_share, listening and allow_yield of `link`: a yield ends if it is not allowed any
-  /// more.
+  /// Applies poll_share, listening and allow_yield of `link`. A yield no longer allowed ends.
   void adjust(const LinkConfig& link);
   /// Applies interval, publish and max_silent of the groups of `device`, which has this index.
   void adjust(std::uint32_t index, const DeviceConfig& device);

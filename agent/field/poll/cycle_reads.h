@@ -25,7 +25,6 @@ class CycleReads final {
   void take(ReadIndices reads, Exchange& exchange);
   /// Marks everything not read yet as bad for this reason.
   void give_up(BadReason why);
-  /// Discards the images.
   void discard_images();
 
   /// Returns the indices in the plan's points of the points of these reads, in ascending order.

@@ -42,16 +42,13 @@ class PollCycle final {
   void adjust(const GroupConfig& group) { report_.adjust(group); }
   /// Indices of the group's tags in DeviceConfig::tags, in order.
   const std::vector<std::uint32_t>& tags() const { return report_.tags(); }
-  /// Returns copies of the points of tags(). Not stored: a plant has many tags and rarely a new
-  /// plan.
+  /// Returns copies of the points of tags(). Not stored: a plant has many tags and few new plans.
   std::vector<Point> points() const;
-  /// The reads of the cycle. Their answers come through take(), and what commands write through
-  /// overwritten().
+  /// The reads of the cycle. take() passes on their answers, overwritten() what commands write.
   CycleReads& reads() { return reads_; }
   const CycleReads& reads() const { return reads_; }
 
-  /// Reads the group by `plan`, whose points are points(), and discards what was collected. Begins
-  /// a new cycle.
+  /// Begins a new cycle by `plan`, whose points are points(). Discards what was collected.
   void use(Plan plan, std::uint64_t findings);
   /// The PLC is another model than that of `codec`: `of_plc` is for its own. Tags whose places have
   /// another name there are bad. Null: it is not.
@@ -61,8 +58,7 @@ class PollCycle final {
 
   /// Counts one repeat of the current read. False: the config allows no more.
   bool may_repeat();
-  /// Takes the result of the exchange for these reads, as CycleReads::take(). It is not repeated
-  /// any more.
+  /// Takes the result of these reads, as CycleReads::take(). They are not repeated any more.
   void take(ReadIndices reads, Exchange exchange);
 
   /// Returns the sample to publish at once after a command has written or read back `tag`, one of

@@ -27,8 +27,7 @@ class LineShare final {
   /// Sets the number of waiting commands after a fault.
   void commands_are(std::uint32_t waiting) { commands_ = waiting; }
 
-  /// True if a command waits and goes before the polls. If none waits, the polls' claim on line
-  /// time ends.
+  /// True if a waiting command goes before the polls. If none waits, the polls' claim ends.
   bool command_goes_first(bool is_poll_due) {
     if (commands_ == 0) owed_to_polls_ = {};
     return commands_ > 0 && !(is_poll_due && owed_to_polls_.count() > 0);
@@ -36,7 +35,6 @@ class LineShare final {
 
   /// Records line time used by a command while a poll was due: the polls may claim their share.
   void polls_waited(std::chrono::nanoseconds line_time) { owed_to_polls_ += share_of(line_time); }
-  /// Records line time used by polls.
   void poll_used(std::chrono::nanoseconds line_time) { owed_to_polls_ -= line_time; }
 
   /// Returns the longest time from now until a command is finished, on a line where no exchange is
@@ -106,8 +104,7 @@ class PolledDevice final {
     std::uint64_t missed = 0;  ///< polls skipped because the line or the device was busy or silent
   };
 
-  /// `unanswered_limit`: number of consecutive exchanges without an answer that makes the device
-  /// silent.
+  /// `unanswered_limit`: consecutive exchanges without an answer that make the device silent.
   PolledDevice(int unanswered_limit, BackOff back_off)
       : unanswered_limit_(unanswered_limit), back_off_(back_off) {}
   void set_back_off(BackOff back_off) { back_off_ = back_off; }
@@ -181,8 +178,7 @@ class PollScheduler final {
   /// Polls the group every `interval` from now on (0 as above). A running cycle goes on; the next
   /// one is due when it was, or within `interval` if that is sooner.
   void set_interval(GroupId group, std::chrono::milliseconds interval, SteadyTime now);
-  /// Removes the device and its groups. Their ids may be reused. None of its steps may be in
-  /// progress.
+  /// Removes the device and its groups, whose ids may be reused. No step of it may be in progress.
   void remove_device(DeviceId device);
   /// The schedule of a group. Valid until the next add_group().
   GroupSchedule& group(GroupId id) { return groups_[id].schedule; }

@@ -1,5 +1,4 @@
-// Reads and writes under a Deadline, for serial ports and sockets; and a wait on a timer, for all
-// of the field.
+// Reads and writes under a Deadline, for serial ports and sockets; and a wait on a timer.
 #pragma once
 
 #include <unistd.h>

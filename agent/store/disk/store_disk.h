@@ -93,11 +93,9 @@ class StoreDisk final {
   /// Opens or creates the file and the directory. Sets a damaged file aside as
   /// fxagent.db.corrupt-<utc_ms>. On failure is_writable() is false, and the reason is logged.
   void open();
-  /// Tests if an open file that refused writes accepts them again.
-  /// Call only while is_open().
+  /// Tests if an open file that refused writes accepts them again. Call only while is_open().
   void try_to_write();
-  /// If the open files were deleted or replaced, closes them: their contents are lost. Returns true
-  /// if so.
+  /// If the open files were deleted or replaced, closes them (contents lost) and returns true.
   bool abandon_misplaced();
   /// Clean end: copies the WAL into the file and closes it.
   void close();
@@ -127,8 +125,7 @@ class StoreDisk final {
   /// Shifts them in a commit, if any.
   void move_stored_times();
 
-  /// Runs `work` in one transaction. Returns false if nothing of it was kept. `doing` names the
-  /// work in the log.
+  /// Runs `work` in one transaction. False: nothing was kept. `doing` names the work in the log.
   bool commit(std::string_view doing, Sync sync, const Work& work);
   bool commit(std::string_view doing, const Work& work) {
     return commit(doing, Sync::as_configured, work);

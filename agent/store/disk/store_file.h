@@ -64,8 +64,7 @@ std::string make_store_directory(const std::string& directory);
 /// Same, and creates the file (0600). Refuses a link and a file of another user.
 std::string make_store_file(const std::string& directory);
 
-/// Returns empty if the open file is a plain one of our own user with a single name, else the
-/// reason.
+/// Returns empty if the open file is plain, of our own user and has one name, else the reason.
 std::string why_not_ours(int handle, const std::string& path);
 
 /// Runs WAL checkpoints of a SQLite file on its own thread and connection. A checkpoint

@@ -23,8 +23,7 @@ class CommandTable final {
   void begin() { changed_ = size_; }
   void committed() { size_ = changed_; }
 
-  /// Writes a command before it is carried out. Replaces a row of the same id only if that is of an
-  /// earlier command.
+  /// Writes a command before it is carried out. Replaces only an earlier command of the same id.
   void insert(const JournalEntry& entry);
   /// Writes a result. The first result of a command stays. Refused commands replace the oldest ones
   /// when there are too many.

@@ -39,12 +39,10 @@ class StartedCommands final {
   /// since commands that this run has sent are not marked. `next_number`: number of the next
   /// command.
   void begin_anew(std::uint64_t next_number);
-  /// Clean end: deletes the file.
-  /// Call only if every command has its result.
+  /// Clean end: deletes the file. Call only if every command has its result.
   void close();
 
-  /// True if an earlier run surely sent nothing of the command with this number. False for commands
-  /// of this run.
+  /// True if an earlier run surely sent nothing of this command. False for commands of this run.
   bool surely_not_sent(std::uint64_t number) const;
 
   /// Marks the command, or empties the file if that fails. Thread of the marks.

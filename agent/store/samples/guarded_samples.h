@@ -1,7 +1,7 @@
 // The stored samples and their sequence numbers while the disk may hang. Then writes are refused,
 // as by a full disk, and changes of rows wait in memory until take_up().
 //
-// Uplink thread; before that thread starts, the thread that made it.
+// Threads as for DiskGuard.
 #pragma once
 
 #include <cstdint>
@@ -27,8 +27,7 @@ class GuardedSamples final {
       : samples_(samples), numbers_(numbers), guard_(guard) {}
 
   // As in StoredSamples.
-  /// Receives the rows, and true if they are on disk. GuardedStore::upkeep() calls it later if the
-  /// work is overdue.
+  /// Gets the rows, and true if they are on disk. Overdue: GuardedStore::upkeep() calls it later.
   using Stored = std::function<void(std::vector<SampleRow> rows, bool on_disk)>;
   void append(std::vector<SampleRow> rows, Stored then);
   /// Writes rows that stay on their way as live messages. Returns false if none is on disk, and

@@ -34,8 +34,7 @@ class SampleStreams final {
   bool remove(std::uint64_t row_id);
   /// Removes the oldest row of its stream, out or not.
   void remove_oldest(const Row& row);
-  /// Records that a history message of the stream is on its way, or no longer is. There may be one
-  /// at a time.
+  /// Records that a history message of the stream, at most one, is on its way, or no longer is.
   void set_on_the_way(const StreamKey& stream, bool is_on_the_way);
   /// Forgets all rows. Returns their number by device.
   std::map<std::string, std::uint64_t> clear();

@@ -18,8 +18,7 @@ class SequenceNumbers final : public StorePart {
  public:
   /// Numbers that one write reserves. The next write follows when half of them are used.
   static constexpr std::uint64_t kBlock = 10000;
-  /// Numbers skipped after the last one on disk if the marker exists: it is unknown how many were
-  /// used since.
+  /// Numbers skipped after the last on disk if the marker exists: the number used since is unknown.
   static constexpr std::uint64_t kUnknown = 1000000;
 
   SequenceNumbers(const StoreConfig& config, StoreDisk& disk)

@@ -57,8 +57,7 @@ class StoredSamples final : public StorePart {
   std::uint64_t rows() const override { return streams_.rows(); }
   /// Rows of earlier runs that were counted at open, also of a file whose damage was found later.
   std::uint64_t recovered() const { return recovered_; }
-  /// Rows dropped since the last call, by device: for lack of room, for age, damaged, or lost with
-  /// their file.
+  /// Rows dropped since the last call, by device: no room, too old, damaged, or lost with the file.
   std::map<std::string, std::uint64_t> take_dropped() { return std::exchange(dropped_, {}); }
   /// Limit for which rows were dropped last; none: they were damaged, or lost with their file.
   StoreLimit dropped_by() const { return dropped_by_; }

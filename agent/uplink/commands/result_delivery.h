@@ -44,8 +44,7 @@ class ResultDelivery final : public Outgoing::Sender {
   /// True if more messages have arrived since some result was sent than a broker sends that
   /// respects the Receive Maximum.
   bool is_far_behind(const Heard& heard) const;
-  /// Durations of commands that were carried out: from arrival to the hand-over of the result to
-  /// MQTT.
+  /// Durations of executed commands, from arrival to the hand-over of the result to MQTT.
   const DurationHistogram& durations() const { return durations_; }
   bool empty() const { return results_.empty(); }
   std::size_t size() const { return results_.size(); }

@@ -22,8 +22,7 @@ inline constexpr std::chrono::seconds kPahoConnectTimeout{10};
 /// a list in memory that is never read, which is a sixth of its cost per message. Levels above
 /// ERROR would not prevent it.
 void trace_errors_alone() noexcept;
-/// Makes each of Paho's threads record all its TLS failures; after trace_errors_alone(), only
-/// errors.
+/// Makes Paho's threads record all their TLS failures; after trace_errors_alone(), only errors.
 void trace_tls_failures() noexcept;
 /// Forgets the TLS failure that the calling thread has recorded. Otherwise the next failed connect
 /// would give it as its reason.
@@ -36,8 +35,7 @@ std::string disconnect_text(const mqtt::properties& properties, int code);
 /// Describes a connection found closed. Call on the thread that found it.
 std::string closed_text();
 
-/// Describes the failures of one connection. Immutable. Call on the thread of Paho that reports the
-/// failure.
+/// Describes one connection's failures. Immutable. Call on the thread of Paho that reports one.
 class FailureText final {
  public:
   /// `config` outlives the object. `names` are those of its settings. `version` is Paho's number of

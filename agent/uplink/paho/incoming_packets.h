@@ -17,8 +17,7 @@ inline constexpr std::uint32_t kMaxPropertiesIn = 192 << 10;
 
 class IncomingPackets final {
  public:
-  /// Returns the most bytes allowed for the packet that the next read requests. 0: a message came
-  /// before CONNACK.
+  /// Returns the most bytes of the packet that is read next. 0: a message came before CONNACK.
   std::size_t most() const noexcept;
 
   /// Processes `got` of the `asked` bytes, read to `at`, before Paho sees them. Changes a message

@@ -50,9 +50,8 @@ class BorrowedSocket final {
 class PahoConnection final : public virtual mqtt::callback, public virtual mqtt::iaction_listener {
  public:
   /// Makes the client; connect() opens the connection. The connection posts its events to `inbox`
-  /// as those of connection `number`. `inbox` is shared, because a callback may still
-  /// run after the connection has been retired. `keep_session` is 0 if each connection has a
-  /// session of its own.
+  /// as those of connection `number`. `inbox` is shared, because a callback may still run after the
+  /// connection has been retired. `keep_session` is 0 if each connection has a session of its own.
   PahoConnection(std::shared_ptr<PahoInbox> inbox, std::uint64_t number, const MqttConfig& config,
                  const std::string& server, std::size_t max_payload,
                  std::chrono::seconds keep_session, const SettingNames& names);

@@ -20,8 +20,7 @@ class PahoInbox final {
 
   /// Discards all waiting events. Accepts only events of this connection afterwards.
   void begin(std::uint64_t connection);
-  /// Sets whether Delivered calls notify(). When switched on, notifies at once if events are
-  /// waiting.
+  /// Sets if Delivered calls notify(). When switched on, notifies at once if events are waiting.
   void await_acknowledgements(bool awaited);
   void post(std::uint64_t connection, BrokerEvent event);
   /// True if more messages wait than an uplink that has the CPU leaves. Do not read more then.

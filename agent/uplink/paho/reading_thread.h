@@ -14,7 +14,6 @@
 
 namespace fxagent {
 
-/// True on a thread of Paho.
 bool is_paho_thread() noexcept;
 
 /// Forgets a socket, because Paho has read the outcome of its connect(). Any thread.

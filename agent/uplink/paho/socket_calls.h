@@ -1,5 +1,4 @@
-// Interposes the calls by which Paho resolves a host, connects, performs the TLS handshake and
-// reads.
+// Interposes the calls by which Paho resolves a host, connects, does the TLS handshake and reads.
 //
 // Records why a connect fails. Paho reduces all reasons to one number, which does not distinguish a
 // closed port from an unknown name or an untrusted certificate.
@@ -55,8 +54,7 @@ RefusedPacket take_refused_packet() noexcept;
 /// the thread that has just read it.
 int last_socket_read() noexcept;
 
-/// Returns when a peer last closed a connection without TLS that this thread read from; the epoch:
-/// never.
+/// Returns when a peer last closed a plain connection that this thread read; the epoch: never.
 std::chrono::steady_clock::time_point last_closed_by_peer() noexcept;
 
 }  // namespace fxagent

@@ -35,8 +35,7 @@ class SamplePayload {
 
   /// False: samples of the device wait for now, as history.
   virtual bool may_send(const std::string& /*device*/) const { return true; }
-  /// Returns the messages of a sample just read, which together deliver it; none if there is
-  /// nothing to say.
+  /// Returns the messages that together deliver a sample just read; none if there is nothing new.
   virtual std::vector<Publication> sample(const StreamKey& stream, const SampleRecord& sample) = 0;
   /// Samples of the device were refused. They become history, or are dropped.
   virtual void undelivered(const std::string& /*device*/) {}

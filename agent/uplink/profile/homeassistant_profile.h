@@ -19,8 +19,7 @@ enum class HearsCommands : std::uint8_t { no, yes };
 
 class HomeAssistantProfile final : public Profile {
  public:
-  /// `config` outlives it. `hears_commands`: no, if the broker may not send commands. Every tag is
-  /// read-only then.
+  /// `config` outlives it. HearsCommands::no: no commands from this broker, every tag is read-only.
   HomeAssistantProfile(const Config& config, const ProfileConfig& profile, std::string version,
                        HearsCommands hears_commands);
 

@@ -18,8 +18,7 @@ namespace fxagent {
 
 class JsonProfile final : public Profile {
  public:
-  /// `config` outlives it. `since_ms` is the start of the agent. `relay` is empty if the broker may
-  /// not send commands.
+  /// `config` outlives it. `since_ms` is the start of the agent.
   JsonProfile(const Config& config, const ProfileConfig& profile, std::string boot,
               std::string version, std::int64_t since_ms, RelayCommand relay);
 

@@ -24,8 +24,7 @@ namespace fxagent {
 
 class PlainProfile final : public Profile, private Outgoing::Sender {
  public:
-  /// `config` outlives it. `relay` is empty if the broker may not send commands. `new_id`
-  /// returns an id for a command, each time another one.
+  /// `config` outlives it. `new_id` returns an id for a command, each time another one.
   PlainProfile(const Config& config, const ProfileConfig& profile, RelayCommand relay,
                std::function<std::string()> new_id);
 

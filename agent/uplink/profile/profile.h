@@ -21,7 +21,7 @@ namespace fxagent {
 class JitteredBackoff;
 class Outgoing;
 
-/// Takes a command that a profile has heard.
+/// Takes a command that a profile has heard. Empty: the broker may not send commands.
 using RelayCommand = std::function<void(RelayedCommand command)>;
 
 /// Uplink thread only.
@@ -65,8 +65,7 @@ class Profile : public SamplePayload {
   virtual SteadyTime next_wake() const { return SteadyTime::max(); }
   /// Returns the last messages before the connection is closed on purpose.
   virtual std::vector<Publication> farewell(std::int64_t /*utc_ms*/) { return {}; }
-  /// True if the broker shall publish the last will even though the connection is closed on
-  /// purpose.
+  /// True if the broker shall publish the last will although the connection is closed on purpose.
   virtual bool leaves_with_will() const { return false; }
   /// True, once, if the session must leave this server and go to the next one.
   virtual bool take_leave() { return false; }
@@ -81,8 +80,7 @@ void ignore_command(const Message& message, const std::string& note);
 /// not pass on the retain flag of a live message.
 bool only_clears(const Message& message, const MqttConfig& mqtt);
 
-/// True, and logged, if `name` is that of a link. Commands for links come from the broker of `mqtt`
-/// only.
+/// True, and logged, if a link has this name. Only the broker of `mqtt` may send it commands.
 bool is_for_link(const Config& config, const Message& message, std::string_view name);
 
 /// Returns the command for a device, with the properties of the message and without its payload.

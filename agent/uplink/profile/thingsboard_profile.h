@@ -30,8 +30,7 @@ class ThingsBoardProfile final : public Profile {
   /// Last published reason of each tag; nullopt: it was good.
   using Reasons = std::map<std::string, std::optional<BadReason>, std::less<>>;
 
-  /// `config` outlives it. `relay` is empty if the server may not send commands. `new_id`
-  /// returns an id for a command, each time another one.
+  /// `config` outlives it. `new_id` returns an id for a command, each time another one.
   ThingsBoardProfile(const Config& config, const ProfileConfig& profile, RelayCommand relay,
                      std::function<std::string()> new_id);
 

@@ -48,15 +48,13 @@ class IdentityConflict final {
   /// Returns the time by which keep() must run again.
   SteadyTime next_wake() const;
 
-  /// Returns the other agent's boot, "unknown" if it was never received; nullopt: no other agent
-  /// has our id.
+  /// Returns the other agent's boot, "unknown" if it never came; nullopt: no agent has our id.
   std::optional<std::string> other() const;
 
  private:
   const std::string boot_;
   const std::function<bool(const std::string& boot)> is_ours_too_;
-  /// Boots that were "online" and have not gone since, and when each counts as gone if it stays
-  /// silent.
+  /// Boots that were "online" and have not gone, and when each counts as gone if it stays silent.
   std::map<std::string, SteadyTime> online_;
   std::string other_boot_;         ///< last one received; empty: none
   bool taken_over_ = false;        ///< the other agent has our client id too

@@ -26,8 +26,7 @@ namespace fxagent {
 
 struct SampleCounts;
 
-/// Cause of a loss: the place that was full. `refused`: the broker or the format does not accept
-/// them.
+/// Place that was full and caused a loss. `refused`: the broker or the format does not accept it.
 enum class DropCause : std::uint8_t { outbox, memory, store, refused };
 
 /// Counts the samples that were lost: dropped to make room, or refused for good.
@@ -77,8 +76,7 @@ class RefusedDevices final {
   void accepted(const std::string& device, SteadyTime since);
 
   bool may_send(const std::string& device, SteadyTime now) const;
-  /// Returns the MQTT reason code with which the broker refuses the device's samples; nullopt: it
-  /// accepts them.
+  /// Returns the MQTT reason code of the broker's refusal of the device's samples; nullopt: none.
   std::optional<int> reason(const std::string& device) const;
   /// Returns the next end of a pause of a device for which `matters` is true.
   SteadyTime next_end(SteadyTime now, const std::function<bool(const std::string&)>& matters) const;

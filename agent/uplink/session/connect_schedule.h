@@ -44,8 +44,7 @@ class ConnectSchedule final {
 
  private:
   void begin_round(std::optional<std::size_t> lost);
-  /// Chooses the next server of this round, or the first one of another. True if this round goes
-  /// on.
+  /// Chooses the next server of this round, or the first of another. True if the round goes on.
   bool next_of_round();
 
   const MqttConfig& mqtt_;

@@ -1,5 +1,4 @@
-// The steps in which a session ends, and the last messages to its broker. Uplink thread. Time is an
-// argument.
+// Steps in which a session ends, and its last messages. Uplink thread. Time is an argument.
 //
 // Draining: what is waiting is published. Farewell: the last messages. Closing: the connection is
 // closed. Finished: nothing more is sent.
@@ -29,8 +28,7 @@ class Farewell final : private Outgoing::Sender {
            std::function<std::vector<Publication>()> last_words)
       : outgoing_(outgoing), what_(std::move(what)), last_words_(std::move(last_words)) {}
 
-  /// Publishes the messages in place of all that waits for room. The broker has 1 s to acknowledge
-  /// them.
+  /// Publishes the messages in place of all that waits for room, with 1 s for the acknowledgement.
   void say(SteadyTime now);
   /// Ends the wait for the acknowledgement.
   void withdraw() { by_.reset(); }

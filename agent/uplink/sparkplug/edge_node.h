@@ -74,8 +74,7 @@ class EdgeNode : public Profile {
   /// Shortest time between two rebirths.
   static constexpr std::chrono::seconds kRebirthEvery{1};
 
-  /// `config` outlives it. `version` is the first level of its topics; `utc_ms` returns the current
-  /// calendar time.
+  /// `config` outlives it. `version`: first level of its topics. `utc_ms`: current calendar time.
   EdgeNode(const Config& config, const ProfileConfig& profile, const std::string& version,
            PrimaryHost host, RelayCommand relay, std::function<std::int64_t()> utc_ms);
 

@@ -26,9 +26,8 @@ class Packet;
 
 class SparkplugProfile final : public sparkplug::EdgeNode {
  public:
-  /// `config` outlives it. `relay` is empty if the broker may not send commands; rebirths may
-  /// be asked for all the same. `new_id` returns an id for a command, each time another one;
-  /// `utc_ms` the current calendar time.
+  /// `config` outlives it. With an empty `relay`, rebirths may be asked for all the same. `new_id`
+  /// returns an id for a command, each time another one; `utc_ms` the current calendar time.
   SparkplugProfile(const Config& config, const ProfileConfig& profile, RelayCommand relay,
                    std::function<std::string()> new_id, std::function<std::int64_t()> utc_ms);
 

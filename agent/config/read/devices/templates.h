@@ -1,5 +1,4 @@
-// Makes many devices from one description: `templates`, and the keys `template` and `n` of a
-// device.
+// Makes many devices from one description: `templates`, and a device's `template` and `n`.
 #pragma once
 
 #include <cstddef>
@@ -22,8 +21,7 @@ class DeviceLists {
   explicit DeviceLists(const ConfigNode& node);
 
   const ConfigNode& node() const { return *node_; }
-  /// Returns the items of `key`, the groups or the tags. Parses them at the first call, once for
-  /// all devices.
+  /// Returns the items of `key`, the groups or the tags. Parses them once for all devices.
   const std::vector<ConfigNode>& items(ConfigReader& reader, const ConfigKey& key);
   /// Returns the bytes that the node takes in the file, except `n`.
   std::size_t size() const { return size_; }
@@ -52,7 +50,6 @@ class DeviceEntry final {
   std::size_t count() const { return n_.empty() ? 1 : n_.size(); }
   /// True if it has a template or an `n`; otherwise it is a device written out in full.
   bool is_made() const { return base_ != nullptr || !n_.empty(); }
-  /// Returns the origin of device `i`.
   DeviceOrigin origin(std::size_t i) const;
 
   /// Returns the entry as it stands in the file.
