@@ -276,11 +276,7 @@ int push(const FleetQuestion& what, FleetSession& session) {
                            .skip_offline = what.skip_offline};
   if (what.dry_run) {
     std::cout << dry_run_text(*pushes, rules, session.fleet());
-    const auto online = std::ranges::count_if(*pushes, [&](const Push& each) {
-      return session.fleet().agent(each.agent).presence == FleetAgent::Presence::online;
-    });
-    const bool is_good = what.skip_offline ? online > 0 : online == std::ssize(*pushes);
-    return is_good ? kDone : kFailed;
+    return is_dry_run_good(*pushes, rules, session.fleet()) ? kDone : kFailed;
   }
   Rollout rollout(std::move(*pushes), rules);
   RolloutLines lines(rollout);

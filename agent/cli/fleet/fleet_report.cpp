@@ -25,6 +25,9 @@ constexpr const char* kUnread =
     "unread: config/desired could not be read, and the agent's report is shown; this user may have "
     "no right to it, or the broker has lost it\n";
 
+constexpr const char* kNoReport =
+    ", or nothing: the broker has no report of its config; is agent.remote_config set?";
+
 /// Escapes text for the terminal, without the backslashes that JSON puts before quotes.
 std::string plain(std::string_view text) {
   const std::string from = escaped(text, Escape::terminal);
@@ -293,11 +296,26 @@ std::string dry_run_text(const std::vector<Push>& pushes, const RolloutRules& ru
     const FleetAgent& agent = fleet.agent(push.agent);
     const bool has_it =
         agent.report && agent.report->desired_hash == push.hash && agent.report->state == "applied";
+    const bool is_unknown = agent.presence == Presence::online && !agent.report;
     rows.push_back({std::to_string(i / rules.batch + 1), plain(push.agent), state_text(agent),
                     agent.presence == Presence::unknown ? "" : config_text(agent),
-                    plain(push.version) + (has_it ? ", has it" : "")});
+                    plain(push.version) + (has_it       ? ", has it"
+                                           : is_unknown ? kNoReport
+                                                        : "")});
   }
   return table_text(rows);
+}
+
+bool is_dry_run_good(const std::vector<Push>& pushes, const RolloutRules& rules,
+                     const Fleet& fleet) {
+  bool is_any_online = false;
+  for (const Push& push : pushes) {
+    const FleetAgent& agent = fleet.agent(push.agent);
+    const bool is_online = agent.presence == Presence::online;
+    if (is_online ? !agent.report : !rules.skip_offline) return false;
+    is_any_online = is_any_online || is_online;
+  }
+  return is_any_online;
 }
 
 }  // namespace fxagent

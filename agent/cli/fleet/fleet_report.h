@@ -43,5 +43,9 @@ std::string rollout_json(const Rollout& rollout, const std::string& error);
 /// Returns what a rollout would do, without doing it: a line for each agent, in batches.
 std::string dry_run_text(const std::vector<Push>& pushes, const RolloutRules& rules,
                          const Fleet& fleet);
+/// True if each agent is online and its report is known. With `rules.skip_offline`: each agent
+/// that is online, and at least one is.
+bool is_dry_run_good(const std::vector<Push>& pushes, const RolloutRules& rules,
+                     const Fleet& fleet);
 
 }  // namespace fxagent

@@ -163,5 +163,28 @@ TEST(FleetReport, DryRunListsBatchesAndWhoHasTheDocument) {
   EXPECT_NE(text.find("  2      edge3  offline, lost"), std::string::npos) << text;
 }
 
+TEST(FleetReport, DryRunDoesNotApproveAnAgentWithoutAReport) {
+  std::vector<Push> pushes(2);
+  pushes[0].agent = "edge1";
+  pushes[1].agent = "edge2";
+  Fleet fleet = three_agents();
+  EXPECT_TRUE(is_dry_run_good(pushes, {}, fleet));
+  fleet.take("fx/edge2/config/reported", "");
+  EXPECT_FALSE(is_dry_run_good(pushes, {}, fleet));
+  EXPECT_FALSE(is_dry_run_good(pushes, {.skip_offline = true}, fleet));
+  const std::string text = dry_run_text(pushes, {}, fleet);
+  EXPECT_NE(text.find("the broker has no report of its config"), std::string::npos) << text;
+}
+
+TEST(FleetReport, DryRunApprovesAnAgentThatIsOfflineOnlyIfItIsSkipped) {
+  std::vector<Push> pushes(2);
+  pushes[0].agent = "edge1";
+  pushes[1].agent = "edge3";
+  EXPECT_FALSE(is_dry_run_good(pushes, {}, three_agents()));
+  EXPECT_TRUE(is_dry_run_good(pushes, {.skip_offline = true}, three_agents()));
+  pushes[0].agent = "edge9";
+  EXPECT_FALSE(is_dry_run_good(pushes, {.skip_offline = true}, three_agents())) << "none is online";
+}
+
 }  // namespace
 }  // namespace fxagent
