@@ -101,6 +101,7 @@ std::string token_of(const std::string& key) { return (Json::json_pointer() / ke
 struct Merged {
   std::string text;
   ConfigErrors errors;
+  std::set<std::string> replaced;  ///< pointers of the texts that only stand in for a variable
 };
 
 /// Merges the document into the local file. What must not be set remotely stays as it is there.
@@ -119,7 +120,7 @@ class Merger {
     for (const Json* each : {&std::as_const(local_), &std::as_const(next_), &body_})
       for (const auto& [key, value] : each->items()) sections.insert(key);
     for (const std::string& section : sections) restrain(section);
-    return {dumped(next_), errors_.take()};
+    return {dumped(next_), errors_.take(), std::move(replaced_)};
   }
 
  private:
@@ -194,6 +195,7 @@ class Merger {
     if (value.is_string() && names_variable(value.get_ref<const std::string&>())) {
       // Replace the text, so that no error shows whether the variable exists.
       next_[Json::json_pointer(pointer)] = "variable";
+      replaced_.insert(pointer);
       return error(pointer,
                    "a remote config cannot use environment variables, which may hold secrets; for "
                    "a literal ${ write $${");
@@ -225,6 +227,7 @@ class Merger {
   const RemoteLimits& limits_;
   Json next_;
   ErrorList errors_;
+  std::set<std::string> replaced_;
 };
 
 /// Removes each " (line 1)": the lines are those of the merged text, which the sender never sees.
@@ -271,12 +274,14 @@ tl::expected<Config, ConfigErrors> effective_config(std::string_view local_text,
   Json file = parsed_json(local_text, /*ignore_comments=*/true);
   if (file.is_discarded())
     return tl::unexpected(ConfigErrors{{"", 0, "the local file is not JSON any more"}});
-  auto [text, errors] = Merger(std::move(file), parsed_json(desired.text), local.remote).run();
+  auto [text, errors, replaced] =
+      Merger(std::move(file), parsed_json(desired.text), local.remote).run();
   auto config = parse(text);
   if (!config) {
     for (ConfigError& error : config.error())
-      errors.push_back({std::move(error.pointer), 0, without_lines(std::move(error.text))});
-  } else {
+      if (!replaced.contains(error.pointer))
+        errors.push_back({std::move(error.pointer), 0, without_lines(std::move(error.text))});
+  } else if (replaced.empty()) {
     std::ranges::move(beyond_limits(local, *config, stop), std::back_inserter(errors));
   }
   if (!errors.empty()) return tl::unexpected(std::move(errors));

@@ -226,6 +226,43 @@ TEST(MergedConfig, NoVariableIsReadInARemoteConfig) {
   EXPECT_EQ(plain->devices[0].tags[0].units->unit, "${plain}");
 }
 
+/// The text that stands in for the variable is no address, type or host: that is no second error.
+TEST(MergedConfig, AVariableIsTheOnlyErrorOfItsPlace) {
+  const std::string variable = "${HOME}";
+  for (const char* key : {"address", "type", "name", "access", "scale"}) {
+    json device = local_plant()["devices"][0];
+    device["tags"] = json::array({{{"name", "a"}, {"address", "D1"}}});
+    device["tags"][0][key] = variable;
+    const auto errors =
+        errors_of(local_plant(), config_of({{"devices", {device, local_plant()["devices"][1]}}}));
+    ASSERT_EQ(errors.size(), 1u) << key << "\n" << listed(errors);
+    EXPECT_EQ(errors[0].pointer, std::string("/devices/0/tags/0/") + key);
+  }
+  for (const char* key : {"name", "link", "protocol"}) {
+    json device = local_plant()["devices"][0];
+    device[key] = variable;
+    const auto errors =
+        errors_of(local_plant(), config_of({{"devices", {device, local_plant()["devices"][1]}}}));
+    ASSERT_EQ(errors.size(), 1u) << key << "\n" << listed(errors);
+    EXPECT_EQ(errors[0].pointer, std::string("/devices/0/") + key);
+  }
+  json links = local_plant()["links"];
+  links[1]["tcp"]["host"] = variable;  // the device there is new, and has no rights
+  const auto errors = errors_of(local_plant(), config_of({{"links", links}}));
+  ASSERT_EQ(errors.size(), 1u) << listed(errors);
+  EXPECT_EQ(errors[0].pointer, "/links/1/tcp/host");
+}
+
+TEST(MergedConfig, OtherErrorsStandNextToAVariable) {
+  json device = local_plant()["devices"][0];
+  device["tags"] = json::array({{{"name", "a"}, {"address", "${HOME}"}, {"type", "int17"}}});
+  const auto errors =
+      errors_of(local_plant(), config_of({{"devices", {device, local_plant()["devices"][1]}}}));
+  ASSERT_EQ(errors.size(), 2u) << listed(errors);
+  EXPECT_EQ(errors[0].pointer, "/devices/0/tags/0/address");
+  EXPECT_EQ(errors[1].pointer, "/devices/0/tags/0/type");
+}
+
 TEST(MergedConfig, TheLocalFilesOwnVariablesStay) {
   json local = local_plant();
   local["links"][1]["tcp"]["host"] = "${HOST}";
