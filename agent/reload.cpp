@@ -59,7 +59,8 @@ bool hangup_within(std::chrono::seconds patience) { return hangup_by(patience).h
 void check_local(const Config& running, const std::string& path, const RemoteConfig& remote) {
   service_manager::notify_reloading();
   const auto next = remote.read_local();
-  const ConfigErrors errors = next ? needs_restart(running, next->config) : next.error();
+  const ConfigErrors errors =
+      next ? needs_restart(running, next->config, next->local.text) : next.error();
   log_errors(errors, path);
   if (errors.empty())
     log::info("config", {{"state", "checked"},
@@ -211,7 +212,8 @@ std::optional<Reload::Next> Reload::wanted() {
     if (!stopping_) reject(next.error());
     return std::nullopt;
   }
-  if (const ConfigErrors errors = needs_restart(*running_, next->config); !errors.empty()) {
+  const ConfigErrors errors = needs_restart(*running_, next->config, next->local.text);
+  if (!errors.empty()) {
     reject(errors);
     return std::nullopt;
   }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <iterator>
 #include <map>
+#include <ranges>
 #include <string_view>
 #include <utility>
 
@@ -117,6 +118,21 @@ std::string names(const Indices& indices, const SharedList<DeviceConfig>& device
   return indices.empty() ? text : text + ")";
 }
 
+/// Sets the line of each error: that of its setting in `file`, or of the section that lacks it.
+void add_lines(std::vector<ConfigError>& errors, std::string_view file) {
+  const auto tree = ConfigTree::parse(file, ConfigTree::Folding::tags, {}, Comments::allowed);
+  if (!tree) return;
+  for (ConfigError& error : errors) {
+    const ConfigNode* node = &tree->root();
+    for (const auto key : std::views::split(std::string_view(error.pointer).substr(1), '/')) {
+      const ConfigNode* inner = node->find(std::string_view(key.begin(), key.end()));
+      if (inner == nullptr) break;
+      node = inner;
+    }
+    error.line = tree->line_of(node->offset);
+  }
+}
+
 }  // namespace
 
 ConfigChange change_between(const Config& running, Config wanted) {
@@ -143,7 +159,8 @@ ConfigChange change_between(const Config& running, Config wanted) {
   return change;
 }
 
-std::vector<ConfigError> needs_restart(const Config& running, const Config& wanted) {
+std::vector<ConfigError> needs_restart(const Config& running, const Config& wanted,
+                                       std::string_view file) {
   std::vector<ConfigError> errors;
   const auto must_stay = [&errors](std::string pointer, bool same, const std::string& in_force) {
     if (!same)
@@ -176,6 +193,7 @@ std::vector<ConfigError> needs_restart(const Config& running, const Config& want
             "the broker of the pair's lease at the start");
   must_stay("/pair", running.pair == wanted.pair,
             running.pair ? "the pair of the start" : "no pair");
+  if (!errors.empty()) add_lines(errors, file);
   return errors;
 }
 

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "agent/config/config_error.h"
@@ -46,8 +47,10 @@ struct ConfigChange {
 ConfigChange change_between(const Config& running, Config wanted);
 
 /// Returns an error for each setting of `wanted` that needs a restart of the agent, such as its id,
-/// its store or its brokers. The texts describe what is in force.
-std::vector<ConfigError> needs_restart(const Config& running, const Config& wanted);
+/// its store or its brokers. The texts describe what is in force. The lines are those of `file`,
+/// the text of the local file of `wanted`; empty: the errors have no lines.
+std::vector<ConfigError> needs_restart(const Config& running, const Config& wanted,
+                                       std::string_view file = {});
 
 /// Returns the change for the log, with devices by name: "changed: 2 (press1 press2), new: 1
 /// (oven), gone: 1 (saw), mqtt". Returns "nothing" if the change is empty().

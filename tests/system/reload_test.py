@@ -205,8 +205,7 @@ class Reload(ReloadTest):
         other["devices"] = []
         errors = self.reload(other)["last_reload"]["errors"]
         self.assertEqual(len(errors), 2, errors)
-        self.assertIn("/agent/root", errors[0])
-        self.assertIn("needs a restart", errors[0])
+        self.assertRegex(errors[0], r":\d+: /agent/root: needs a restart")
         self.assertIn("/store/max_bytes", errors[1])
         seq = self.data(name="m1", since=self.watcher.mark())["seq"]
         self.data(lambda m: m["seq"] > seq, name="m1")

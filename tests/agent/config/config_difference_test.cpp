@@ -207,6 +207,23 @@ TEST(ConfigDifference, IdentityAndStoreNeedARestartAndAreNamed) {
   EXPECT_TRUE(needs_restart(running(), running()).empty());
 }
 
+TEST(ConfigDifference, ErrorThatNeedsARestartHasTheLineOfTheSetting) {
+  const auto line_of = [](const std::string& file, const std::string& begin) {
+    return 1 + std::count(file.begin(), file.begin() + static_cast<long>(file.find(begin)), '\n');
+  };
+  const std::string other_id = changed("/agent/id", R"("edge8")");
+  const auto errors = needs_restart(running(), good(other_id), other_id);
+  ASSERT_EQ(errors.size(), 1U) << listed(errors);
+  EXPECT_EQ(errors[0].line, line_of(other_id, "\"id\""));
+  EXPECT_GT(errors[0].line, 1);
+  EXPECT_EQ(needs_restart(running(), good(other_id)).at(0).line, 0) << "no file, no line";
+
+  const Config with_size = good(changed("/store/max_bytes", "1048576"));
+  const std::string without_size = small_plant().dump(1);
+  EXPECT_EQ(needs_restart(with_size, running(), without_size).at(0).line,
+            line_of(without_size, "\"store\""));
+}
+
 /// Classifies every key for a reload. A key that is missing here was forgotten.
 TEST(ConfigDifference, EachKeyIsEitherTakenOverOrNeedsARestart) {
   const auto any_of = [](const std::string& words, const std::string& word) {
