@@ -202,7 +202,7 @@ CommandAdmission::Decision CommandAdmission::admit(Command command,
   } else if (refusal && refusal->reason == Reason::bad_op) {
     why = refusal;
   } else if (!command.op) {
-    why = refuse(Reason::bad_op, "op must be one of write, force_on, force_off, read, run, stop");
+    why = refuse(Reason::bad_op, "op must be one of " + std::string(command.ops));
   } else if (is_run_or_stop(*command.op)) {
     why = prepare_run_or_stop(codec, rules, *command.op, admitted.run_request);
   }

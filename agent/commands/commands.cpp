@@ -213,7 +213,7 @@ void Commands::receive(const std::string& name, std::string_view topic, std::str
   const auto device = device_named(name);
   if (const LinkConfig* link = device ? nullptr : link_named(config_, name))
     return receive_for_link(*link, topic, payload, std::move(properties), now, utc_ms);
-  Command command = parse_command(payload, properties.more_ops);
+  Command command = parse_command(payload, properties.ops);
   static_cast<MessageProperties&>(command) = std::move(properties);
   if (!device) {
     Refusal why = refusal_of_unknown(command, config_, name);

@@ -45,6 +45,7 @@ class FrameTrace final {
 };
 
 enum class Op : std::uint8_t { write, force_on, force_off, read, run, stop };
+inline constexpr std::string_view kOpNames = "write, force_on, force_off, read, run, stop";
 std::string_view to_string(Op op);
 std::optional<Op> op_from(std::string_view word);
 
@@ -113,8 +114,7 @@ struct MessageProperties {
   std::string response_topic;                          ///< MQTT 5; empty: none
   Bytes correlation;
   std::string sender;  ///< as the agent knows it; empty: only what the command's `by` says
-  /// Names that the sender may use besides those of Op, for the refusal of another: ", get_{tag}".
-  std::string_view more_ops;
+  std::string_view ops = kOpNames;  ///< names that the sender may use, for the refusal of another
   /// Gets the result as JSON when it is known, once. Empty: nobody asks beside MQTT.
   std::function<void(const std::string& result)> reply;
 };

@@ -245,8 +245,8 @@ void read_id(const Json& object, Command& command, Faults& faults) {
   command.id = *text;
 }
 
-void read_op(const Json& object, Command& command, std::string_view more_ops, Faults& faults) {
-  const std::string words = "write, force_on, force_off, read, run, stop" + std::string(more_ops);
+void read_op(const Json& object, Command& command, std::string_view ops, Faults& faults) {
+  const std::string words(ops);
   const Json* op = given(object, "op");
   const auto* text = op == nullptr ? nullptr : op->get_ptr<const std::string*>();
   if (text == nullptr) {
@@ -456,12 +456,12 @@ std::optional<Json> read_object(std::string_view payload, Command& command, Faul
 
 }  // namespace
 
-Command parse_command(std::string_view payload, std::string_view more_ops) {
+Command parse_command(std::string_view payload, std::string_view ops) {
   Command command;
   Faults faults;
   if (const auto json = read_object(payload, command, faults)) {
     read_id(*json, command, faults);
-    read_op(*json, command, more_ops, faults);
+    read_op(*json, command, ops, faults);
     check_keys(*json, command.op, faults);
     read_targets(*json, command, faults);
     read_conditions(*json, command, faults);

@@ -13,8 +13,8 @@ namespace fxagent {
 
 /// Parses a command; never throws. `refusal` is the first fault of its form, in the contract's
 /// order of checks. Everything that could be read anyway is filled in, above all the id. The caller
-/// sets the device and the MessageProperties, of which the texts need `more_ops` here.
-Command parse_command(std::string_view payload, std::string_view more_ops = {});
+/// sets the device and the MessageProperties, of which the texts need `ops` here.
+Command parse_command(std::string_view payload, std::string_view ops = kOpNames);
 
 /// A command for a link: `yield` or `resume`.
 struct LinkCommand {

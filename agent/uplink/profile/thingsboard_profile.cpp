@@ -19,7 +19,8 @@ constexpr std::string_view kRpcTopic = "v1/gateway/rpc";
 
 constexpr std::string_view kSetMethod = "set_";
 constexpr std::string_view kGetMethod = "get_";
-constexpr std::string_view kMoreMethods = ", set_{tag}, get_{tag}";
+constexpr std::string_view kMethods =
+    "write, force_on, force_off, read, run, stop, set_{tag}, get_{tag}";
 // ThingsBoard refuses messages above 64 KiB by default.
 constexpr std::size_t kAttributeBytes = 16384;
 // Levels of a request: the message, its data, the params, a target, an array.
@@ -364,7 +365,7 @@ void ThingsBoardProfile::hear(const Message& message) {
     deadline = std::min<std::chrono::milliseconds>(
         deadline, config_.devices[found->second].commands.max_expiry);
   RelayedCommand command = relayed_command(message, request->device, name_);
-  command.more_ops = kMoreMethods;
+  command.ops = kMethods;
   command.reply = [this, device = request->device, id = request->id,
                    session = session_](const std::string& result) {
     // A server that has restarted counts from 0 again: a late answer would be that to another one.

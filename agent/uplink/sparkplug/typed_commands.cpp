@@ -24,6 +24,7 @@ using sparkplug_c::Packet;
 constexpr std::string_view kWrite = "Write/";
 constexpr std::string_view kRun = "Run";
 constexpr std::string_view kStop = "Stop";
+constexpr std::string_view kCommands = "Write/{tag}, Run, Stop";
 constexpr const char* kValue = "value";    // argument and result of a write
 constexpr std::uint32_t kCommand = 35;     // data type
 constexpr std::size_t kLongestId = 64;     // of a command of the agent
@@ -133,10 +134,7 @@ std::string message_of(const nlohmann::json& result) {
   if (member(result, "dry_run") == true) out += ", dry run: nothing was sent";
   const std::string reason = text_at(result, "reason");
   std::string detail = text_at(result, "detail");
-  // The agent's words for these two are about JSON.
   if (reason == to_string(Reason::missing_id)) detail = "a request needs source and correlation_id";
-  if (reason == to_string(Reason::bad_op))
-    detail = "no such command; the birth of the device lists its commands";
   for (const std::string& text : {reason, detail})
     if (!text.empty()) out += ": " + text;
   if (first.is_object()) out += "; the first had " + message_of(first);
@@ -396,6 +394,7 @@ void TypedCommandsProfile::carry_out(const Message& message, const std::string& 
   for (const Metric& argument : metric.command().arguments())
     command.key(argument.name()).raw(json_of(argument, request.type.value_or(Type::string)));
   RelayedCommand relayed = relayed_command(message, device, name_ + "/" + log::excerpt(source));
+  relayed.ops = kCommands;
   relayed.payload = command.end_object().take();
   relayed.reply = [this, request](const std::string& result) { answer(request, result); };
   relay_(std::move(relayed));

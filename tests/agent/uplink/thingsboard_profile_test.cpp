@@ -217,7 +217,7 @@ TEST_F(ThingsBoardProfileTest, MethodIsACommand) {
       json::parse(R"({"op":"stop","params.id":"mine","params.op":"run","expires":1790000010000})"));
   EXPECT_EQ(relayed.back().sender, "thingsboard@cloud");
   EXPECT_EQ(relayed.back().device, "press1");
-  EXPECT_EQ(relayed.back().more_ops, ", set_{tag}, get_{tag}");
+  EXPECT_EQ(relayed.back().ops, std::string(kOpNames) + ", set_{tag}, get_{tag}");
 }
 
 TEST_F(ThingsBoardProfileTest, DeadlineIsAtMostThatOfTheDevice) {

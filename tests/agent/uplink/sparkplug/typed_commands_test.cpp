@@ -419,6 +419,7 @@ TEST_F(TypedRequest, WordsOfTheAgentAreNoCommands) {
   }
   hear("DCMD/edge7/press1", "2A 01 68 12 10 0A 06 52 65 62 6F 6F 74 62 06 1A 04 63 63 63 63");
   test::expect_says(relayed_.back().payload, R"("op":"Reboot")");
+  EXPECT_EQ(relayed_.back().ops, "Write/{tag}, Run, Stop");
 }
 
 }  // namespace
