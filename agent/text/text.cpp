@@ -53,10 +53,9 @@ bool stays(std::uint32_t character, Escape how) {
   if (character == kForeign) return false;
   if (how == Escape::record) return true;
   if (character < 0x20) return false;
-  if (how == Escape::message) return character != 0x7F;
-  if (character == '"' || character == '\\') return false;
   // U+009B starts a terminal command, like ESC [.
-  return how != Escape::log || character < 0x7F || character >= 0xA0;
+  if (how != Escape::json && character >= 0x7F && character < 0xA0) return false;
+  return how == Escape::message || (character != '"' && character != '\\');
 }
 
 /// Appends an escape for a character that cannot stay as it is.

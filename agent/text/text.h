@@ -46,7 +46,7 @@ enum class Escape : std::uint8_t {
   json,      ///< a JSON string; foreign bytes become U+FFFD
   terminal,  ///< an ASCII-only JSON string, so that the text cannot control the terminal
   log,       ///< a quoted log value: \" \\, and \xnn for foreign bytes and control characters
-  message,   ///< an error message: \xNN for foreign bytes and ASCII control characters
+  message,   ///< an error message: \xNN for foreign bytes and control characters
   record,    ///< an audit record: \xnn for foreign bytes
 };
 

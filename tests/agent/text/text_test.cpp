@@ -29,8 +29,7 @@ TEST(Text, EachPlaceEscapesWhatItMust) {
   EXPECT_EQ(escaped(text, Escape::log),
             "a\\\"\\\\\\x0a\\x09\\x01\\x7f\\xc2\\x9b°\xF0\x9F\x98\x80\\xed\\xa0\\x80\\xff");
   EXPECT_EQ(escaped(text, Escape::message),
-            "a\"\\\\x0A\\x09\\x01\\x7F\xC2\x9B"
-            "°\xF0\x9F\x98\x80\\xED\\xA0\\x80\\xFF");
+            "a\"\\\\x0A\\x09\\x01\\x7F\\xC2\\x9B°\xF0\x9F\x98\x80\\xED\\xA0\\x80\\xFF");
   EXPECT_EQ(escaped(text, Escape::record),
             "a\"\\\n\t\x01\x7F\xC2\x9B"
             "°\xF0\x9F\x98\x80\\xed\\xa0\\x80\\xff");

@@ -272,8 +272,9 @@ TEST(OnlineHints, AGoodFloatThatIsPlainInAnotherWordOrderIsNamedAndStillGood) {
 TEST_F(OnlineReport, WhatOthersSayCannotSteerTheTerminal) {
   press_answers();
   meter_answers();
-  findings.brokers[0] = {"mqtts://broker.example:8883", false, "no \x1b[31m"};
+  findings.brokers[0] = {"mqtts://broker.example:8883", false, "no \x1b[31m \xC2\x9B"};
   EXPECT_EQ(text().find('\x1b'), std::string::npos);
+  EXPECT_EQ(text().find("\xC2\x9B"), std::string::npos);
 }
 
 TEST_F(OnlineReport, JsonHasTheSame) {
