@@ -109,6 +109,8 @@ bool is_name(std::string_view text) {
 
 bool is_utf8(std::string_view text) { return utf8::is_valid(text); }
 
+std::size_t first_foreign(std::string_view text) { return utf8::find_invalid(text); }
+
 void append_escaped(std::string& out, std::string_view text, Escape how, std::size_t most) {
   if (text.size() <= most && is_plain(text)) {
     out += text;

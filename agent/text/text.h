@@ -15,6 +15,8 @@
 namespace fxagent {
 
 bool is_utf8(std::string_view text);
+/// Returns the place of the first byte that is not part of valid UTF-8; npos: all are.
+std::size_t first_foreign(std::string_view text);
 /// True for a control character of ASCII, which includes DEL.
 inline bool is_control(char c) { return static_cast<unsigned char>(c) < ' ' || c == 0x7F; }
 /// True if `text` can be the name of an agent, a device or the like: 1 to 64 characters a-z, 0-9,

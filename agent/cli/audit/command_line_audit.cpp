@@ -8,7 +8,6 @@
 #include <utility>
 
 #include "agent/commands/result.h"
-#include "agent/store/disk/store_file.h"
 
 namespace fxagent {
 namespace {
@@ -43,7 +42,7 @@ CommandLineAudit::CommandLineAudit(const StoreConfig& config, std::int64_t utc_m
 std::string CommandLineAudit::fault() const {
   if (disk_.is_writable()) return {};
   std::string text = "store.path: the audit must record every command that writes, and ";
-  if (disk_.last_failure() == in_use(config_.path))
+  if (disk_.is_in_use())
     return text + config_.path +
            " is in use by a running agent: send the command over MQTT or from the page, or stop "
            "the agent first";

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "agent/text/text.h"
+
 namespace fxagent {
 namespace {
 
@@ -50,9 +52,9 @@ SyntaxFault syntax_fault(std::string_view text, const AcceptedText& accepted, st
   if (at >= text.size() && bracket != '\0') other.unclosed = accepted.open.back();
   if (at >= text.size() && accepted.end == 0)
     other.text = "there is no value: the text is empty or has only comments";
-  if (other.text.find("ill-formed UTF-8") != other.text.npos)
-    other.text = "the text is not UTF-8 here; its encoding must be UTF-8";
   if (at >= text.size() || at > read) return other;
+  if (first_foreign(text.substr(at)) <= read - at)
+    other.text = "the text is not UTF-8 here; its encoding must be UTF-8";
 
   const char c = text[at];
   const bool is_close = c == '}' || c == ']';

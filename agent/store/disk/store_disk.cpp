@@ -50,10 +50,12 @@ void StoreDisk::open() {
   // The second round follows a damaged file that was set aside.
   for (int round = 0; round < 2 && !writable_; ++round) {
     std::string why = make_store_file(config_.path);
+    is_in_use_ = false;
     if (why.empty() && !lock_) {
       // Two agents with one store would publish and journal each other's data.
       lock_ = std::make_unique<DirectoryLock>(config_.path);
       why = lock_->fault();
+      is_in_use_ = lock_->is_in_use();
       if (!why.empty()) lock_.reset();
     }
     if (!why.empty()) {

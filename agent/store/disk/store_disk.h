@@ -104,6 +104,8 @@ class StoreDisk final {
   bool is_writable() const { return writable_; }
   /// Reason why the disk is not writable; empty while it is.
   const std::string& last_failure() const { return last_failure_; }
+  /// True if the last open() failed because another process uses the directory.
+  bool is_in_use() const { return is_in_use_; }
   /// True if a file has opened in this run and was not abandoned since.
   bool was_open() const { return was_open_; }
   /// Call only while is_open().
@@ -157,6 +159,7 @@ class StoreDisk final {
   std::unique_ptr<StoreFile> file_;  ///< null: not open
   bool writable_ = false;
   bool was_open_ = false;
+  bool is_in_use_ = false;
   bool mending_ = false;  ///< a fresh file is replacing a damaged one
   std::string last_failure_;
   std::string set_aside_;

@@ -111,7 +111,8 @@ DirectoryLock::DirectoryLock(const std::string& directory) : path_(directory + "
   const auto give_up = std::chrono::steady_clock::now() + kPatience;
   while (::flock(handle_, LOCK_EX | LOCK_NB) != 0) {
     if (errno != EWOULDBLOCK || std::chrono::steady_clock::now() >= give_up) {
-      fault_ = errno == EWOULDBLOCK ? in_use(directory) : fault_of_system(path_);
+      is_in_use_ = errno == EWOULDBLOCK;
+      fault_ = is_in_use_ ? in_use(directory) : fault_of_system(path_);
       return;
     }
     std::this_thread::sleep_for(kAskAgain);

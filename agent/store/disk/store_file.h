@@ -38,6 +38,8 @@ class DirectoryLock final {
 
   /// Empty if the lock is ours, else the reason.
   const std::string& fault() const { return fault_; }
+  /// True if another process has the lock.
+  bool is_in_use() const { return is_in_use_; }
   /// True if the lock file is still the one that was locked.
   bool is_in_place() const { return identity_of(path_) == identity_of(handle_); }
 
@@ -45,6 +47,7 @@ class DirectoryLock final {
   std::string path_;
   FileHandle handle_;
   std::string fault_;
+  bool is_in_use_ = false;
 };
 
 /// Returns "WHAT: " and the reason that errno has.
