@@ -32,7 +32,7 @@ namespace {
 /// Parses `[1,2]`, `true`, `1.5` or `"text"` as JSON; any other text becomes a string.
 Value value_of_text(const std::string& text) {
   const auto json = parsed_json(text);
-  if (json.is_discarded()) return Value(Scalar(text));
+  if (json.is_discarded() || !vanishing_number(text).empty()) return Value(Scalar(text));
   if (!json.is_array()) return Value(scalar_of(json).value_or(Scalar(text)));
   Scalars items;
   for (const auto& item : json) items.push_back(scalar_of(item).value_or(Scalar(dumped(item))));

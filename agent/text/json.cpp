@@ -1,5 +1,6 @@
 #include "agent/text/json.h"
 
+#include <charconv>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -28,6 +29,22 @@ nlohmann::json parsed_json(std::string_view text, bool ignore_comments) {
 
 nlohmann::ordered_json parsed_ordered_json(std::string_view text) {
   return nlohmann::ordered_json::parse(text, nullptr, /*allow_exceptions=*/false);
+}
+
+std::string_view vanishing_number(std::string_view json) {
+  bool in_string = false;
+  for (std::size_t i = 0; i < json.size(); ++i) {
+    if (json[i] == '"') in_string = !in_string;
+    if (in_string && json[i] == '\\') ++i;
+    if (in_string || json[i] < '0' || json[i] > '9') continue;
+    const auto number = json.substr(i, json.find_first_not_of("0123456789.eE+-", i) - i);
+    double value = 0;
+    std::from_chars(number.data(), number.data() + number.size(), value);
+    const auto digits = number.substr(0, number.find_first_of("eE"));
+    if (value == 0 && digits.find_first_of("123456789") != digits.npos) return number;
+    i += number.size() - 1;
+  }
+  return {};
 }
 
 std::string dumped(const nlohmann::json& json) { return text_of(json, false); }

@@ -50,6 +50,10 @@ nlohmann::ordered_json json_number(double value);
 nlohmann::json parsed_json(std::string_view text, bool ignore_comments = false);
 nlohmann::ordered_json parsed_ordered_json(std::string_view text);
 
+/// Returns the first number of a JSON text that is read as 0 although it is not 0: 1e-400 is too
+/// close to 0 for a double. Empty: none.
+std::string_view vanishing_number(std::string_view json);
+
 /// Returns the JSON in one line. Bytes that are not UTF-8 become U+FFFD.
 std::string dumped(const nlohmann::json& json);
 std::string dumped(const nlohmann::ordered_json& json);

@@ -107,6 +107,12 @@ class OneShots(PlantTest):
             self.assertEqual(status, 2)
             self.assertTrue(out.startswith(f"meter {name}: {reason}: "), out)
 
+    def test_a_number_that_would_become_0_is_not_written(self):
+        for name, value in [("flow", "1e-400"), ("pair", "[1,1e-400]")]:
+            status, out, _ = self.call("write", name, value)
+            self.assertEqual(status, 2, out)
+            self.assertIn(": REJECTED, bad_value: ", out)
+
     def test_a_write_over_a_link_that_is_down_says_that_nothing_was_sent(self):
         self.sim.stop()
         status, out, _ = self.call("write", "hr:30", "5")

@@ -447,6 +447,9 @@ std::optional<Json> read_object(std::string_view payload, Command& command, Faul
   if (payload.find('\0') != std::string_view::npos)
     faults.add(Reason::bad_json,
                "a NUL byte is not JSON: send the text without its terminating zero");
+  if (const auto number = vanishing_number(payload); !number.empty())
+    faults.add(Reason::bad_json, "the number " + std::string(number.substr(0, kMaxQuoted)) +
+                                     " is too close to 0 for a float64 and would be read as 0");
   if (!watch.fault.empty()) faults.add(Reason::bad_json, watch.fault);
   if (too_many) faults.add(Reason::bad_json, "more objects and arrays than a command may have");
   if (json.contains("status"))

@@ -150,13 +150,15 @@ struct Request {
   std::string device;
   std::int64_t id = 0;
   nlohmann::json data;
-  /// A key stands twice, or the nesting is too deep. Admission names the fault.
+  /// A key stands twice, the nesting is too deep, or a number would become 0. Admission names the
+  /// fault.
   bool is_faulty = false;
 };
 
 /// Returns nullopt if the message cannot be answered: it has no device or no id.
 std::optional<Request> parse_request(const std::string& text) {
   Request request;
+  request.is_faulty = !vanishing_number(text).empty();
   std::vector<std::set<std::string>> open;  // keys of the objects around
   const auto check = [&](int depth, nlohmann::json::parse_event_t event, nlohmann::json& value) {
     using Event = nlohmann::json::parse_event_t;

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include "agent/text/json.h"
+
 namespace fxagent {
 namespace {
 
@@ -33,6 +35,15 @@ TEST(Text, EachPlaceEscapesWhatItMust) {
   EXPECT_EQ(escaped(text, Escape::record),
             "a\"\\\n\t\x01\x7F\xC2\x9B"
             "°\xF0\x9F\x98\x80\\xed\\xa0\\x80\\xff");
+}
+
+TEST(Text, NumberThatAParserReadsAs0IsFound) {
+  for (const char* json : {"0", "-0.0", "0e-400", "[0,0.00]", "5e-324", "1e-300", "1e300", "10",
+                           R"("1e-400")", R"({"a\"1e-400":"\\"})", ""})
+    EXPECT_EQ(vanishing_number(json), "") << json;
+  EXPECT_EQ(vanishing_number("1e-400"), "1e-400");
+  EXPECT_EQ(vanishing_number(R"({"1e-500":"\\","b":[7,-2.0E-400]})"), "2.0E-400");
+  EXPECT_EQ(vanishing_number("0." + std::string(400, '0') + "1 ").size(), 403U);
 }
 
 TEST(Text, WhatIsTooLongEndsWithDotsBehindAWholeCharacter) {

@@ -220,6 +220,13 @@ TEST_F(ThingsBoardProfileTest, MethodIsACommand) {
   EXPECT_EQ(relayed.back().ops, std::string(kOpNames) + ", set_{tag}, get_{tag}");
 }
 
+TEST_F(ThingsBoardProfileTest, NumberThatWouldBecome0IsNotTranslated) {
+  const std::string request =
+      R"({"device":"press1","data":{"id":0,"method":"set_setpoint","params":1e-400}})";
+  ask(request);
+  EXPECT_EQ(relayed.back().payload, request) << "admission names the fault";
+}
+
 TEST_F(ThingsBoardProfileTest, DeadlineIsAtMostThatOfTheDevice) {
   plant.devices[0].commands.max_expiry = 2s;
   EXPECT_EQ(command_of(R"({"id":0,"method":"run"})")["expires"], 1790000002000);
