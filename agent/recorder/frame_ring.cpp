@@ -19,17 +19,9 @@ struct Head {
   std::size_t size() const { return sizeof(Head) + bytes + note; }
 };
 
-Head head_at(const std::uint8_t* frame) {
-  Head head;
-  std::memcpy(&head, frame, sizeof head);
-  return head;
-}
-
 }  // namespace
 
-FrameRing::FrameRing(std::size_t bytes)
-    : bytes_(std::max(bytes, kLeastBytes)),
-      memory_(new std::uint8_t[bytes_ + sizeof(Head) + bytes_ / 4 + kMostNote]) {}
+FrameRing::FrameRing(std::size_t bytes) : ring_(std::max(bytes, kLeastBytes)) {}
 
 std::uint16_t FrameRing::number(const RecordedDevice& device) {
   const std::lock_guard lock(mutex_);
@@ -42,7 +34,7 @@ std::uint16_t FrameRing::number(const RecordedDevice& device) {
 void FrameRing::add(RecordedFrame::Way way, std::uint16_t device, SteadyTime at,
                     std::chrono::nanoseconds after, ByteView bytes,
                     std::string_view note) noexcept {
-  const ByteView kept = bytes.first(std::min(bytes.size(), bytes_ / 4));
+  const ByteView kept = bytes.first(std::min(bytes.size(), ring_.capacity() / 4));
   note = note.substr(0, kMostNote);
   const Head head{.at = at,
                   .after_ns = after.count(),
@@ -52,42 +44,45 @@ void FrameRing::add(RecordedFrame::Way way, std::uint16_t device, SteadyTime at,
                   .way = way,
                   .is_cut = kept.size() < bytes.size()};
   const std::lock_guard lock(mutex_);
-  for (; first_ < next_ && begin_ >= end_ && begin_ - end_ < head.size(); ++first_) {
-    begin_ += head_at(&memory_[begin_]).size();
-    if (begin_ >= bytes_) begin_ = 0;
+  while (ring_.reserve() < head.size()) {
+    Head oldest;
+    std::copy_n(ring_.begin(), sizeof oldest, reinterpret_cast<std::uint8_t*>(&oldest));
+    ring_.erase_begin(oldest.size());
+    ++first_;
   }
-  std::memcpy(&memory_[end_], &head, sizeof head);
-  const auto rest = std::copy(kept.begin(), kept.end(), &memory_[end_ + sizeof head]);
-  std::copy(note.begin(), note.end(), rest);
-  end_ += head.size();
-  if (end_ >= bytes_) end_ = 0;
+  const auto* const raw = reinterpret_cast<const std::uint8_t*>(&head);
+  ring_.insert(ring_.end(), raw, raw + sizeof head);
+  ring_.insert(ring_.end(), kept.begin(), kept.end());
+  ring_.insert(ring_.end(), note.begin(), note.end());
   ++next_;
 }
 
 RecordedFrames FrameRing::frames(std::uint64_t since, std::size_t most) const {
   RecordedFrames out;
   std::vector<std::uint8_t> copy;
-  copy.reserve(2 * bytes_);  // the last frame may end behind them
+  std::uint64_t number = 0;
   const auto utc = std::chrono::system_clock::now();
   const auto steady = std::chrono::steady_clock::now();
   {
     const std::lock_guard lock(mutex_);
     out.next = next_;
     out.devices = devices_;
+    number = first_;
     if (since >= next_) return out;
-    const std::uint64_t from =
-        std::max({since, first_, next_ - std::min<std::uint64_t>(most, next_)});
-    out.frames.reserve(static_cast<std::size_t>(next_ - from));
-    for (auto [number, at] = std::pair(first_, begin_); number < next_; ++number) {
-      const std::size_t size = head_at(&memory_[at]).size();
-      if (number >= from) copy.insert(copy.end(), &memory_[at], &memory_[at + size]);
-      at = at + size < bytes_ ? at + size : 0;
-    }
+    copy.reserve(ring_.size());
+    for (const auto& [bytes, size] : {ring_.array_one(), ring_.array_two()})
+      copy.insert(copy.end(), bytes, bytes + size);
   }
-  for (std::size_t at = 0; at < copy.size();) {
-    const Head head = head_at(copy.data() + at);
+  const std::uint64_t in_ring = out.next - number;
+  std::uint64_t from = std::max(since, number);
+  if (in_ring > most) from = std::max(from, out.next - most);
+  out.frames.reserve(static_cast<std::size_t>(out.next - from));
+  for (std::size_t at = 0; at < copy.size(); ++number) {
+    Head head;
+    std::memcpy(&head, copy.data() + at, sizeof head);
     const std::uint8_t* bytes = copy.data() + at + sizeof head;
     at += head.size();
+    if (number < from) continue;
     RecordedFrame& frame = out.frames.emplace_back();
     frame.way = head.way;
     frame.at_us = utc_us(

@@ -2,10 +2,10 @@
 // allocation; any thread copies them. Both hold one short mutex.
 #pragma once
 
+#include <boost/circular_buffer.hpp>
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
-#include <memory>
 #include <mutex>
 #include <string>
 #include <string_view>
@@ -59,7 +59,7 @@ class FrameRing final {
   explicit FrameRing(std::size_t bytes);
   FrameRing(const FrameRing&) = delete;
   FrameRing& operator=(const FrameRing&) = delete;
-  std::size_t bytes() const { return bytes_; }
+  std::size_t bytes() const { return ring_.capacity(); }
 
   /// Returns the index of the device for add(). Equal devices have one index. Any thread.
   std::uint16_t number(const RecordedDevice& device);
@@ -71,17 +71,13 @@ class FrameRing final {
 
   /// Returns the newest frames, at most `most`, among those numbered `since` or higher. Numbers
   /// begin at 0. Their UTC times are by the clock as it is set now. Holds the mutex while it copies
-  /// them. Any thread.
+  /// the ring. Any thread.
   RecordedFrames frames(std::uint64_t since = 0, std::size_t most = SIZE_MAX) const;
 
  private:
-  const std::size_t bytes_;
-  /// A frame begins in the first bytes_ and may end behind them: each is in one piece.
-  const std::unique_ptr<std::uint8_t[]> memory_;
   mutable std::mutex mutex_;
   // All below are under the mutex.
-  std::size_t begin_ = 0;    ///< offset of the oldest frame
-  std::size_t end_ = 0;      ///< offset of the next frame
+  boost::circular_buffer<std::uint8_t> ring_;
   std::uint64_t first_ = 0;  ///< number of the oldest frame
   std::uint64_t next_ = 0;
   std::vector<RecordedDevice> devices_;
