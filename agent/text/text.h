@@ -29,8 +29,8 @@ std::string_view beginning(std::string_view text, std::size_t most);
 /// Returns `text` without the blanks, tabs and line ends around it.
 std::string_view trimmed(std::string_view text);
 
-/// Removes the beginning of `text` up to the first `separator`, with that, and returns it without.
-/// Without a separator it is the whole text.
+/// Removes the text before the first `separator`, and the separator. Returns that text; all of it
+/// if there is no separator.
 std::string_view take_until(std::string_view& text, char separator);
 
 /// Returns the number that the whole text spells in decimal; nullopt if it does not, or if Number

@@ -32,8 +32,8 @@ class CommandMarker final : public CommandStarts {
  public:
   using Write = std::function<void(std::uint64_t number)>;
 
-  /// `write` marks a command on disk, on the own thread. Throws std::system_error if that cannot be
-  /// started.
+  /// `write` marks a command on disk, on a thread of its own. Throws std::system_error if that
+  /// thread cannot be started.
   explicit CommandMarker(Write write);
   /// Waits until the marks in progress are made.
   ~CommandMarker() override = default;

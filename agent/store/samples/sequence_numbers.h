@@ -39,7 +39,8 @@ class SequenceNumbers final : public StorePart {
   /// Commits the next block of each device that is short of numbers.
   void reserve();
   /// Commits what each device has reserved or used, for a file that lacks it, and removes the
-  /// marker. Makes the marker if the disk refuses.
+  /// marker. If there is a marker, adds the other devices of the file before: it counts for them
+  /// too. Makes the marker if the disk refuses.
   void write_all();
   /// Clean end: commits the last numbers used. The next boot continues right after them.
   void write_last();
