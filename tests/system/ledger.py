@@ -12,7 +12,7 @@ import threading
 import time
 from typing import Callable, Container, Optional
 
-# Words have values from 1 to this prime number: a value comes to the same place again only after all places had it.
+# Words have values from 1 to this prime number: a value comes to the same place again after as many turns of that place.
 LAST_VALUE = 32749
 SHARES = {"bit": 4, "word": 4, "tag": 1, "list": 2}  # of the shapes of targets
 NEVER = frozenset({"dry", "expired", "malformed", "read", "wrong"})  # kinds of commands that change nothing
@@ -95,7 +95,8 @@ class Commands:
         keys, places = choices[shape][at]
         if shape == "bit":
             return {**keys, "value": round_ % 2 == 0}, [(places[0], 1 - round_ % 2)]
-        first, self.values[device] = self.values[device], self.values[device] + len(places)
+        first = self.values[device] if self.once else (round_ + 997 * at) * len(places)
+        self.values[device] += len(places)
         assert not self.once or self.values[device] <= LAST_VALUE, "no more values: fewer commands"
         values = [n % LAST_VALUE + 1 for n in range(first, first + len(places))]
         return {**keys, "value": values if shape == "list" else values[0]}, list(zip(places, values))
@@ -237,7 +238,7 @@ class Judge:
         if not own:
             yield from filter(None, [self.silence(key, bool(carried_out))])
             return
-        if kind == "wrong" and own[0]["status"] != "REJECTED":
+        if kind in ("wrong", "malformed") and own[0]["status"] != "REJECTED":
             yield "no command, and not REJECTED"
         if kind == "read" and own[0]["status"] in ("PARTIAL", "UNKNOWN_OUTCOME"):
             yield "of a read"

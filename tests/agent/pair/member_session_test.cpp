@@ -54,6 +54,7 @@ TEST_F(MemberSessionTest, SessionThatIsTakenOverAgainAndAgainPausesLonger) {
 }
 
 TEST_F(MemberSessionTest, ResultsAreSubscribedToFirstAndARefusedSubscriptionAgain) {
+  broker->session_present = true;
   broker->refusal = "Not authorized";
   steps(now + 200ms);
   EXPECT_EQ(broker->order.front(), "subscribe fx/edge/+/result");
@@ -64,6 +65,16 @@ TEST_F(MemberSessionTest, ResultsAreSubscribedToFirstAndARefusedSubscriptionAgai
   steps(now + 1200ms);
   EXPECT_EQ(broker->order.size(), 8U);
   EXPECT_TRUE(peers.joined_at());
+}
+
+TEST_F(MemberSessionTest, AllIsHeardWhileTheBrokerKeepsTheSession) {
+  broker->session_present = true;
+  steps(now + 200ms);
+  EXPECT_TRUE(session.heard_all());
+  broker->session_present = false;
+  broker->lose(0);
+  steps(now + 1s);
+  EXPECT_FALSE(session.heard_all());
 }
 
 TEST_F(MemberSessionTest, EventsArePassedOn) {

@@ -24,7 +24,7 @@ class FakeBroker final : public Broker {
     filters.clear();
     up_ = reachable;
     if (up_)
-      events_.push_back(Connected{false, receive_maximum, maximum_packet});
+      events_.push_back(Connected{session_present, receive_maximum, maximum_packet});
     else if (answers)
       events_.push_back(ConnectFailed{"connection refused"});
   }
@@ -117,7 +117,8 @@ class FakeBroker final : public Broker {
   }
 
   bool reachable = true;
-  bool answers = true;  ///< an unreachable broker refuses instead of staying silent
+  bool session_present = false;  ///< it has kept the session
+  bool answers = true;           ///< an unreachable broker refuses instead of staying silent
   bool acknowledges = true;
   bool acknowledges_qos0 = false;  ///< even if it acknowledges nothing else
   bool fails = false;              ///< every publish fails without an event from the broker
