@@ -377,15 +377,13 @@ std::optional<Refusal> CommandAdmission::check_access(const Codec& codec, const 
   }
   if (!target.point.address.writable)
     return refuse(Reason::not_writable, std::string(target.point.address.text) + " is read only");
-  if (const auto writable = codec.addresses().check_write(span); !writable)
-    return refuse(Reason::not_writable, writable.error().text);
-  if (target.tag_index) {
-    if (device_->tags[*target.tag_index].writable) return std::nullopt;
+  if (target.tag_index && !device_->tags[*target.tag_index].writable)
     return refuse(Reason::not_writable,
                   "the tag's access is read; with \"access\": \"read_write\" in the config, "
                   "commands may write it");
-  }
-  if (allowed) return std::nullopt;
+  if (const auto writable = codec.addresses().check_write(span); !writable)
+    return refuse(Reason::not_writable, writable.error().text);
+  if (target.tag_index || allowed) return std::nullopt;
   return not_allowed();
 }
 

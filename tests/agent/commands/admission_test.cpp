@@ -709,6 +709,15 @@ TEST_F(CommandAdmissionTest, BitOfAWordIsReadOnly) {
   EXPECT_EQ(answered(raw("b7e1", "D100.F", flag(true))).reason, Reason::not_writable);
 }
 
+TEST_F(CommandAdmissionTest, TagThatIsReadOnlyIsSaidToBeThatWhateverElseIsWrong) {
+  device.tags.push_back(array_of(tag(*device.codec, "alarms", "M100"), 16));
+  Command alarms = write("b7e1");
+  alarms.targets[0] = {"alarms", "", std::nullopt, numbers({1})};
+  const CommandResult result = answered(alarms);
+  EXPECT_EQ(result.reason, Reason::not_writable);
+  test::expect_says(result.detail, "the tag's access is read");
+}
+
 TEST_F(CommandAdmissionTest, RunStopRelaysAreNeverWritten) {
   device.commands.allow.push_back({fx::id(fx::Space::special_m), 0, 256});
   for (const char* relay : {"M8034", "M8035", "M8036", "M8037", "M8118"})
