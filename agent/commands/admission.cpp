@@ -404,11 +404,17 @@ std::optional<Refusal> CommandAdmission::check_value(const Codec& codec, const C
       return refuse(Reason::bad_value, "expect: " + kind.error().text);
     out.expected = command.expect;
   }
-  if (!packed) return refuse(Reason::out_of_range, packed.error().text);
+  const auto check_limits_of_tag = [&](const Value& written) {
+    return out.tag_index ? check_limits(device_->tags[*out.tag_index], written) : std::nullopt;
+  };
+  if (!packed) {
+    // The tag's own limit says more than the range of its type.
+    auto why = check_limits_of_tag(*value);
+    return why ? why : refuse(Reason::out_of_range, packed.error().text);
+  }
   const auto written = unpack(out.point, *packed, span_of(out.point)->first_bit);
   if (!written) return refuse(Reason::out_of_range, written.error().text);
-  if (out.tag_index)
-    if (auto why = check_limits(device_->tags[*out.tag_index], *written)) return why;
+  if (auto why = check_limits_of_tag(*written)) return why;
   const auto requests = plan_write(codec, out.point, *packed);
   if (!requests) return refuse(Reason::not_writable, requests.error().text);
   for (const Request& request : *requests)

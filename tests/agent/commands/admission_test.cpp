@@ -789,6 +789,9 @@ TEST_F(CommandAdmissionTest, LimitsOfATagAreItsOwnAndTold) {
   const CommandResult result = answered(write("above", 100.1));
   EXPECT_EQ(result.reason, Reason::out_of_range);
   EXPECT_NE(result.detail.find("max of 100"), std::string::npos) << result.detail;
+  const CommandResult far_above = answered(write("beyond int16", 5500));
+  EXPECT_EQ(far_above.reason, Reason::out_of_range);
+  EXPECT_EQ(far_above.detail, "5500 would be written, above the tag's max of 100");
 }
 
 TEST_F(CommandAdmissionTest, LimitsOfATagBindEachElement) {
