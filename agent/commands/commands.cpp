@@ -307,7 +307,7 @@ void Commands::hand_over(std::int64_t utc_ms) {
       submit_(std::move(admitted));
       continue;
     }
-    CommandResult result = result_of(command);
+    CommandResult result = result_of(admitted);
     set_outcome(result, CommandStatus::rejected, Reason::store_unavailable,
                 "the store's disk does not respond, so the command cannot be recorded before it is "
                 "sent; nothing was sent");

@@ -13,11 +13,12 @@ CommandResult result_of(const Command& command) {
   static_cast<CommandHead&>(result) = static_cast<const CommandHead&>(command);
   result.op = command.op_text;
   result.sender = sender_of(command);
+  const bool is_force = command.op == Op::force_on || command.op == Op::force_off;
   for (const CommandTarget& target : command.targets) {
     TargetResult out;
     out.tag = target.tag;
     out.address = target.address;
-    out.value = target.value;
+    out.value = is_force ? Value(Scalar(command.op == Op::force_on)) : target.value;
     result.targets.push_back(std::move(out));
   }
   return result;
@@ -41,6 +42,13 @@ TargetResult result_of(const AdmittedTarget& target) {
   return out;
 }
 
+CommandResult result_of(const AdmittedCommand& admitted) {
+  CommandResult result = result_of(admitted.command);
+  result.targets.clear();
+  for (const AdmittedTarget& target : admitted.targets) result.targets.push_back(result_of(target));
+  return result;
+}
+
 Refusal refusal_of_retained() {
   return {Reason::retained, "a retained command may be old: publish commands without retain"};
 }
@@ -57,7 +65,7 @@ std::string why_not_sent(Reason reason) {
 }
 
 CommandResult not_sent(const AdmittedCommand& admitted, Reason why) {
-  CommandResult result = result_of(admitted.command);
+  CommandResult result = result_of(admitted);
   if (admitted.interrupted)
     set_interrupted(result);
   else

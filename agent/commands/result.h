@@ -14,7 +14,9 @@ namespace fxagent {
 
 /// Returns a result for `command` with its ids, times, op and topics. The caller sets the status.
 CommandResult result_of(const Command& command);
-/// Returns a target's name and address, without an outcome.
+/// Same, with the addresses and values that admission found.
+CommandResult result_of(const AdmittedCommand& admitted);
+/// Returns a target's name, address and value to write, without an outcome.
 TargetResult result_of(const AdmittedTarget& target);
 
 /// Sets `status` and `reason` of the command and of all its targets, and `detail` of the command.

@@ -79,7 +79,7 @@ void LinkCommands::refuse_waiting(Reason why, const LinkDevice* device) {
 void LinkCommands::answer_running() {
   link_.scheduler.share().commands_are(static_cast<std::uint32_t>(waiting_.size()));
   for (const WaitingCommand& running : running_) {
-    CommandResult result = result_of(running.admitted.command);
+    CommandResult result = result_of(running.admitted);
     set_outcome(result, CommandStatus::unknown_outcome, Reason::link_down,
                 "a fault in the agent ended the link during the command");
     for (const AdmittedTarget& target : running.admitted.targets)

@@ -1025,6 +1025,17 @@ TEST_F(CommandAdmissionTest, ForcesAreListedToo) {
   const CommandResult result = answered(list);
   EXPECT_EQ(result.reason, Reason::bad_address);
   EXPECT_EQ(result.targets.at(2).reason, Reason::bad_address);
+  for (const TargetResult& target : result.targets) EXPECT_EQ(target.value, flag(true));
+}
+
+TEST_F(CommandAdmissionTest, CommandThatIsNotSentHasTheAddressAndTheValueToBeWritten) {
+  const CommandResult result = not_sent(admit(write("b7e1", 50.04)), Reason::yielded);
+  EXPECT_EQ(result.status, CommandStatus::rejected);
+  ASSERT_EQ(result.targets.size(), 1U);
+  EXPECT_EQ(result.targets[0].tag, "setpoint");
+  EXPECT_EQ(result.targets[0].address, "D200");
+  EXPECT_EQ(result.targets[0].value, real(50));
+  EXPECT_EQ(result.targets[0].reason, Reason::yielded);
 }
 
 // The checks run in the contract's order over all targets, not target by target.
