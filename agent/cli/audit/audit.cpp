@@ -4,6 +4,7 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <system_error>
 
 #include "agent/cli/audit/audit_report.h"
 #include "agent/cli/exit_status.h"
@@ -86,9 +87,13 @@ int run_audit(const Config& config, const AuditQuestion& question) {
   }
   const std::string path = store_file_path(config.store.path);
   std::error_code fault;
-  if (!std::filesystem::exists(path, fault))
-    return refuse(path + " does not exist" + (fault ? ": " + fault.message() : "") +
-                  "; the agent creates it when it runs");
+  const bool exists = std::filesystem::exists(path, fault);
+  if (fault)
+    return refuse(path + ": " + fault.message() +
+                  (fault == std::errc::permission_denied
+                       ? "; run this as the user of the store, or as root"
+                       : ""));
+  if (!exists) return refuse(path + " does not exist; the agent creates it when it runs");
   audit::Verifier verifier(published);
   audit::Report report;
   audit::Head head;
