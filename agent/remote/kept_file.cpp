@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <chrono>
 #include <exception>
+#include <filesystem>
+#include <system_error>
 #include <utility>
 
 #include "agent/log/log.h"
@@ -120,8 +122,8 @@ void KeptFile::forget() {
 }
 
 bool KeptFile::forget_earlier_run() {
-  const auto left = file_ ? file_->read(kMaxKeptBytes) : std::nullopt;
-  if (!file_ || (left && !*left)) return false;
+  std::error_code fault;
+  if (!file_ || !exists(std::filesystem::symlink_status(file_->path(), fault))) return false;
   // Do not touch the file of another agent that runs here.
   if (const std::string why = file_->lock(); !why.empty()) {
     log::warn("remote_config", {{"note", "a kept config was not removed"}, {"reason", why}});

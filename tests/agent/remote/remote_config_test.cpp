@@ -428,6 +428,17 @@ TEST_F(RemoteConfigTest, AnOlderRejectedOneDoesNotTakeThePlaceOfOneThatWaits) {
   EXPECT_EQ(plant.said(), "applied \"d\"");
 }
 
+TEST_F(RemoteConfigTest, SwitchedOffWithoutAKeptConfigNothingIsSaidOfOne) {
+  plant.set("/agent/remote_config", false);
+  std::filesystem::remove_all(plant.store());
+  std::ofstream(plant.store()) << "no directory";
+  testing::internal::CaptureStderr();
+  plant.start();
+  const std::string log = testing::internal::GetCapturedStderr();
+  EXPECT_EQ(log.find("kept config"), log.npos) << log;
+  EXPECT_FALSE(plant.remote().take_left_answer());
+}
+
 TEST_F(RemoteConfigTest, SwitchedOffByARestartTheAnswerIsClearedOnce) {
   EXPECT_FALSE(plant.remote().take_left_answer());
   plant.hear(plant.with_retries("v1", 7));
