@@ -33,7 +33,7 @@ CommandLineAudit::CommandLineAudit(const StoreConfig& config, std::int64_t utc_m
     : config_(config),
       device_(std::move(device)),
       call_(std::move(call)),
-      disk_(config, utc_ms),
+      disk_(config, utc_ms, StoreDisk::Failures::returned),
       audit_(config, disk_) {
   disk_.set_parts({&audit_});
   disk_.open();

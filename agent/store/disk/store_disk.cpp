@@ -58,11 +58,7 @@ void StoreDisk::open() {
       is_in_use_ = lock_->is_in_use();
       if (!why.empty()) lock_.reset();
     }
-    if (!why.empty()) {
-      if (why != last_failure_) log::error("store", {{"state", "memory"}, {"reason", why}});
-      last_failure_ = why;
-      return;
-    }
+    if (!why.empty()) return refused(why);
     const auto fault = sqlite::attempt([&] {
       file_ = std::make_unique<StoreFile>(path, config_.sync_always);
       each(&StorePart::load, file_->db);
@@ -147,8 +143,11 @@ void StoreDisk::failed(std::string_view doing, const sqlite::Fault& fault) {
     mending_ = false;
     return;
   }
-  const std::string why = std::string(doing) + ": " + fault.text;
-  if (writable_ || why != last_failure_)
+  refused(std::string(doing) + ": " + fault.text);
+}
+
+void StoreDisk::refused(const std::string& why) {
+  if (failures_ == Failures::logged && (writable_ || why != last_failure_))
     log::error("store", {{"state", "memory"}, {"path", config_.path}, {"reason", why}});
   last_failure_ = why;
   writable_ = false;

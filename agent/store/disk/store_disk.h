@@ -76,9 +76,12 @@ class StoreDisk final {
   /// `full` synchronises a commit with the disk even if `sync: offline` would not. A power cut must
   /// not lose a sample that counts as stored.
   enum class Sync : std::uint8_t { as_configured, full };
+  /// `logged`: each new reason why nothing can be written. `returned`: only last_failure() has it.
+  enum class Failures : std::uint8_t { logged, returned };
   using Work = std::function<void()>;
 
-  StoreDisk(const StoreConfig& config, std::int64_t utc_ms) : config_(config), utc_ms_(utc_ms) {}
+  StoreDisk(const StoreConfig& config, std::int64_t utc_ms, Failures failures = Failures::logged)
+      : config_(config), failures_(failures), utc_ms_(utc_ms) {}
   StoreDisk(const StoreDisk&) = delete;
   StoreDisk& operator=(const StoreDisk&) = delete;
 
@@ -91,7 +94,7 @@ class StoreDisk final {
   bool write_pending(std::size_t at_most = std::numeric_limits<std::size_t>::max());
 
   /// Opens or creates the file and the directory. Sets a damaged file aside as
-  /// fxagent.db.corrupt-<utc_ms>. On failure is_writable() is false, and the reason is logged.
+  /// fxagent.db.corrupt-<utc_ms>. On failure is_writable() is false; see last_failure().
   void open();
   /// Tests if an open file that refused writes accepts them again. Call only while is_open().
   void try_to_write();
@@ -152,8 +155,11 @@ class StoreDisk final {
   void let_go(StorePart::Rows rows);
   void start_anew(const std::string& why);
   void failed(std::string_view doing, const sqlite::Fault& fault);
+  /// Enters the state `memory`. Logs a new reason if `failures_` says so.
+  void refused(const std::string& why);
 
   const StoreConfig config_;
+  const Failures failures_;
   std::vector<StorePart*> parts_;
   std::unique_ptr<DirectoryLock> lock_;
   std::unique_ptr<StoreFile> file_;  ///< null: not open

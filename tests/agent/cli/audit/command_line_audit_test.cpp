@@ -92,7 +92,9 @@ TEST_F(CommandLineAuditTest, AgentGoesOnWithTheChainAndTheNumbers) {
 
 TEST_F(CommandLineAuditTest, StoreOfAnAgentThatRunsTakesNothing) {
   Store agent(config, kNow);
+  testing::internal::CaptureStderr();
   CommandLineAudit audit(config, kNow, "press1", "write press1 D100 5");
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "") << "the agent's store has no fault";
   EXPECT_NE(audit.fault().find("is in use by a running agent"), std::string::npos) << audit.fault();
   EXPECT_TRUE(audit.fault().ends_with(
       ": send the command over MQTT or from the page, or stop the agent first"))
