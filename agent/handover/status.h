@@ -159,7 +159,8 @@ struct AgentStatus {
   /// "disk"; "memory" if there is no disk store or it rejects writes; "hangs" if it does not
   /// respond.
   std::string store_state;
-  std::string store_set_aside;  ///< damaged store file set aside in this run; empty: none
+  std::int64_t store_since_ms = 0;  ///< ms UTC, when store_state last changed
+  std::string store_set_aside;      ///< damaged store file set aside in this run; empty: none
   std::uint64_t store_bytes = 0;
   std::uint64_t audit_records = 0;
   std::string audit_head;            ///< hash of the last audit record; empty: no audit

@@ -86,10 +86,16 @@ class Examination final {
     if (config_.store.path.empty()) return;
     if (status_.store_state == "hangs")
       add(Severity::bad, "store", "The disk of the store does not respond",
-          "Check the disk under " + config_.store.path + ". Samples wait in memory.");
+          "Check the disk under " + config_.store.path +
+              ". Samples wait in memory; commands that write are rejected.",
+          status_.store_since_ms);
     else if (status_.store_state == "memory")
-      add(Severity::bad, "store", "The store on disk cannot be written; samples wait in memory",
-          "Check free space and rights of " + config_.store.path + ", and the log.");
+      add(Severity::bad, "store",
+          "The store on disk cannot be written; samples, command ids and the audit are in memory "
+          "only",
+          "Check free space and rights of " + config_.store.path +
+              ", and the log. Do not restart the agent before: a restart loses them.",
+          status_.store_since_ms);
     if (!status_.store_set_aside.empty())
       add(Severity::warn, "store", "A damaged store was set aside: " + status_.store_set_aside,
           "Check the disk. The file can be kept for a repair, or be deleted.");

@@ -289,6 +289,13 @@ void Publisher::keep_shutdown(SteadyTime now) {
   samples_.spool().close();
   log::info("uplink_stopped", {{"samples_left", std::to_string(samples().waiting())},
                                {"results_left", std::to_string(results_.size())}});
+  if (const auto left = store_ == nullptr ? 0 : store_->journal().unrecorded(); left > 0)
+    log::error(
+        "commands_not_recorded",
+        {{"count", std::to_string(left)},
+         {"note",
+          "the disk refused them: the next start does not know their ids, and the audit does "
+          "not have them all"}});
 }
 
 // ---- config change ------------------------------------------------------------------------------

@@ -148,7 +148,12 @@ void StoreDisk::failed(std::string_view doing, const sqlite::Fault& fault) {
 
 void StoreDisk::refused(const std::string& why) {
   if (failures_ == Failures::logged && (writable_ || why != last_failure_))
-    log::error("store", {{"state", "memory"}, {"path", config_.path}, {"reason", why}});
+    log::error("store", {{"state", "memory"},
+                         {"path", config_.path},
+                         {"reason", why},
+                         {"note",
+                          "commands are carried out, but samples, command ids and audit are in "
+                          "memory only: free or repair the disk, and do not restart before"}});
   last_failure_ = why;
   writable_ = false;
 }

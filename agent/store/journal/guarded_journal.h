@@ -91,6 +91,11 @@ class GuardedJournal final : public CommandJournal {
   std::vector<JournalEntry> unacknowledged(const std::string& device = {}) override;
   bool was_read() const override { return !hangs() && journal_.was_read(); }
 
+  /// Commands and results that the disk has not accepted; while it hangs, only those since then.
+  std::size_t unrecorded() const {
+    return hangs() ? waiting_.results.size() : journal_.unrecorded();
+  }
+
   /// Call after a hang. Passes what has waited to the store. `before` runs on the disk's thread,
   /// ahead of the journal's own work.
   void take_up(DiskGuard::Work before);

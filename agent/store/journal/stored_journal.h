@@ -46,6 +46,8 @@ class StoredJournal final : public CommandJournal, public StorePart {
   /// Bytes of commands in the file: as committed, and as the open commit will leave them.
   std::uint64_t bytes() const { return table_ ? table_->bytes() : 0; }
   std::uint64_t bytes_in_commit() const { return table_ ? table_->bytes_in_commit() : 0; }
+  /// Commands and results that are not in the file yet.
+  std::size_t unrecorded() const { return waiting_.size(); }
   /// Returns every entry of which the disk has refused a part, as it stands in memory.
   std::vector<JournalEntry> unwritten();
 

@@ -174,7 +174,13 @@ void StatusSource::tick(SteadyTime now) {
 
 std::shared_ptr<const AgentStatus> StatusSource::at(SteadyTime now) {
   if (!published_ || published_at_ != now || board_.is_asked()) {
-    published_ = std::make_shared<const AgentStatus>(make(now));
+    AgentStatus status = make(now);
+    if (status.store_state != store_state_) {
+      store_state_ = status.store_state;
+      store_since_ms_ = status.ts_ms;
+    }
+    status.store_since_ms = store_since_ms_;
+    published_ = std::make_shared<const AgentStatus>(std::move(status));
     published_at_ = now;
     board_.publish(published_, now);
   }

@@ -129,6 +129,8 @@ class StatusSource final {
   std::optional<SteadyTime> field_heard_;
   bool miscounted_ = false;  ///< field_ disagrees with the samples passed on by the outbox
   std::string conflict_;
+  std::string store_state_;  ///< of the newest status
+  std::int64_t store_since_ms_ = 0;
   std::optional<double> bytes_per_hour_;  ///< of the last minute or longer with samples
   SteadyTime started_{};
   SteadyTime next_tick_{};

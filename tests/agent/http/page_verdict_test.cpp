@@ -146,7 +146,8 @@ TEST(PageVerdict, EachOtherFaultHasItsSentenceAndCure) {
            Case{[](AgentStatus& s) { s.conflict = "0badc0de"; }, "same id"},
            Case{[](AgentStatus& s) { s.broker.not_heard_why = "not authorised"; },
                 "not authorised"},
-           Case{[](AgentStatus& s) { s.store_state = "memory"; }, "cannot be written"},
+           Case{[](AgentStatus& s) { s.store_state = "memory"; },
+                "samples, command ids and the audit are in memory only"},
            Case{[](AgentStatus& s) { s.store_state = "hangs"; }, "does not respond"},
            Case{[](AgentStatus& s) { s.store_set_aside = "fxagent.db.bad"; }, "fxagent.db.bad"},
            Case{[](AgentStatus& s) {

@@ -3,11 +3,13 @@
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 
 #include "tests/agent/store/power_cut.h"
 #include "tests/agent/store/shelf.h"
+#include "tests/support/says.h"
 
 namespace fxagent {
 namespace {
@@ -89,6 +91,18 @@ TEST(Store, DirectoryThatCannotBeMadeIsTriedAgain) {
   shelf.store->upkeep(kStart + 10s, kNow);
   EXPECT_EQ(shelf.store->state(), "disk");
   EXPECT_TRUE(shelf.add(rows(1, 1)));
+}
+
+TEST(Store, DiskThatRefusesIsLoggedOnceWithWhatItMeansAndTheCure) {
+  testing::internal::CaptureStderr();
+  ShelfWithoutDisk shelf;
+  shelf.store->upkeep(kStart, kNow);
+  shelf.store->upkeep(kStart + 10s, kNow);
+  const std::string log = testing::internal::GetCapturedStderr();
+  EXPECT_EQ(std::ranges::count(log, '\n'), 1) << log;
+  test::expect_says(log,
+                    "commands are carried out, but samples, command ids and audit are in memory "
+                    "only: free or repair the disk, and do not restart before");
 }
 
 TEST(Store, JournalReportsThatTheCommandsOfADeviceCouldNotBeRead) {

@@ -374,6 +374,24 @@ TEST(PublisherStore, DiskThatRefusesIsReplacedByMemoryUntilItTakesAgain) {
   EXPECT_EQ(bench.history(), (Seqs{1, 2, 3, 4}));
 }
 
+TEST(PublisherStore, StopSaysHowManyCommandsTheDiskHasNotTaken) {
+  for (const bool refuses : {true, false}) {
+    const test::Scratch scratch;
+    if (refuses) std::ofstream(scratch.path("store")) << "a file in its place";
+    Bench bench(scratch.path("store"));
+    bench.online();
+    bench.write("b7e1");
+    bench.write("b7e2");
+    bench.report(bench.succeeded("b7e1"));
+    bench.report(bench.succeeded("b7e2"));
+    testing::internal::CaptureStderr();
+    bench.stop_without_spinning(100);
+    const std::string log = testing::internal::GetCapturedStderr();
+    EXPECT_EQ(log.find("commands_not_recorded count=2 ") != log.npos, refuses) << log;
+    EXPECT_EQ(log.find("commands_not_recorded") != log.npos, refuses) << log;
+  }
+}
+
 TEST_F(PublisherStoreOnlineTest, CleanStopLeavesTheRestOnDisk) {
   bench.broker.acknowledges = false;
   for (std::uint64_t seq = 1; seq <= 30; ++seq) bench.outbox.push(test::sample(seq));

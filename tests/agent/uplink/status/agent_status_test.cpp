@@ -1,6 +1,8 @@
 // The agent's status as a reader of the status board sees it.
 #include <gtest/gtest.h>
 
+#include <filesystem>
+#include <fstream>
 #include <stop_token>
 #include <thread>
 
@@ -107,6 +109,20 @@ TEST_F(AgentStatusOnlineTest, TellsSinceWhenTheBrokerIsConnectedOrLost) {
   EXPECT_EQ(broker.since_ms, lost);
   EXPECT_TRUE(broker.why == "connection closed" || broker.why == "connection refused")
       << broker.why;
+}
+
+TEST(AgentStatus, TellsSinceWhenTheDiskRefuses) {
+  const test::Scratch scratch;
+  std::ofstream(scratch.path("store")) << "a file in its place";
+  StatusBench bench(scratch.path("store"));
+  const std::int64_t refused = bench.asked()->ts_ms;
+  bench.advance(5s);
+  EXPECT_EQ(bench.asked()->store_state, "memory");
+  EXPECT_EQ(bench.asked()->store_since_ms, refused);
+  std::filesystem::remove(scratch.path("store"));
+  bench.advance(10s);
+  EXPECT_EQ(bench.asked()->store_state, "disk");
+  EXPECT_GT(bench.asked()->store_since_ms, refused);
 }
 
 TEST_F(AgentStatusOnlineTest, HealthSaysWhatThePublishedStatusSays) {
