@@ -382,7 +382,8 @@ inline constexpr auto kWritten = std::to_array<ConfigKey>({
 
     {"devices[].commands", "allow", array, {}, None{},
      "Addresses and ranges that commands may use by raw address. Tags need no entry: commands "
-     "may read every tag, and write it with `access: read_write`."},
+     "may read every tag, and write it with `access: read_write`. A command that names the address "
+     "is not checked against `min` and `max` of a tag there."},
     {"devices[].commands", "allow_run_stop", boolean, {}, false,
      "True if commands may start and stop the PLC. Without effect on Modbus."},
     {"devices[].commands", "default_expiry_s", integer, kExpiry, 10,

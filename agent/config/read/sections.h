@@ -92,6 +92,11 @@ std::string to_string(const RemoteLimits& limits);
 /// one value or none.
 void warn_of_limits(ConfigReader& reader, const ConfigNode& node, const TagConfig& tag);
 
+/// Warns if the list `allow` of the device covers a place of a tag with `min` or `max`: a command
+/// to the address is not checked against them. Once, at the first such tag. The device has a codec.
+void warn_of_unchecked_limits(ConfigReader& reader, const ConfigNode& allow,
+                              const DeviceConfig& device);
+
 /// Warns if `max_silent_s` of the group at `node` is below its poll interval: every poll is
 /// published then.
 void warn_of_silence(ConfigReader& reader, const ConfigNode& node, const GroupConfig& group);

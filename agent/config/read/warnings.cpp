@@ -9,8 +9,11 @@
 #include <vector>
 
 #include "agent/config/read/devices/templates.h"
+#include "agent/text/text.h"
+#include "protocol/address_space.h"
 #include "protocol/plc.h"
 #include "protocol/value/point.h"
+#include "protocol/value/span.h"
 #include "protocol/value/value.h"
 
 namespace fxagent {
@@ -62,6 +65,32 @@ void warn_of_limits(ConfigReader& reader, const ConfigNode& node, const TagConfi
   const std::string text = "has no effect: the values of this tag " + values;
   if (min != nullptr && *tag.units->limits.min < range->least) reader.warn(*min, text);
   if (max != nullptr && *tag.units->limits.max > range->greatest) reader.warn(*max, text);
+}
+
+void warn_of_unchecked_limits(ConfigReader& reader, const ConfigNode& allow,
+                              const DeviceConfig& device) {
+  const std::vector<Span>& ranges = device.commands.allow;
+  std::string first;
+  std::size_t count = 0;
+  for (const TagConfig& tag : device.tags) {
+    const auto span = span_of(tag.point);
+    if (!span || (!tag.units->limits.min && !tag.units->limits.max)) continue;
+    const auto range = std::ranges::partition_point(ranges, [&](const Span& each) {
+      return each.space < span->space ||
+             (each.space == span->space && each.end_bit() <= span->first_bit);
+    });
+    if (range == ranges.end() || !overlap(*range, *span) || ++count > 1) continue;
+    first = names_of(device.codec->addresses(), *range) + " covers the tag " +
+            std::string(tag.name) + " at " + std::string(tag.point.address.text);
+  }
+  if (count == 0) return;
+  const std::string others =
+      count == 1 ? "" : ". So it is with " + counted(count - 1, "other tag") + " of this device";
+  reader.warn(allow, first +
+                         ": a command that names the address writes raw values, and neither min "
+                         "nor max of the tag applies to it. Leave the place out, and let commands "
+                         "name the tag" +
+                         others);
 }
 
 void warn_of_silence(ConfigReader& reader, const ConfigNode& node, const GroupConfig& group) {

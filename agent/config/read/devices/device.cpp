@@ -545,6 +545,7 @@ void DeviceReader::read_allow(const ConfigNode& list) {
                     (text->find(',') != text->npos ? "; each range is an entry of its own" : ""));
   }
   device_.commands.allow = merged(std::move(spans));
+  if (codec_ != nullptr) warn_of_unchecked_limits(reader_, list, device_);
 }
 
 }  // namespace

@@ -590,6 +590,29 @@ TEST(ConfigDevice, AllowListIsSortedAndMerged) {
             (std::vector<Span>{span("M100-M199"), span("M300"), span("D10-D29"), span("D31")}));
 }
 
+TEST(ConfigDevice, AllowListOverATagWithLimitsIsWarnedOf) {
+  nlohmann::json plant = small_plant();
+  nlohmann::json& press = plant["devices"][0];
+  press["tags"] = nlohmann::json::parse(R"([
+    {"name": "plain", "address": "D205"},
+    {"name": "setpoint", "address": "D200", "scale": 0.1, "max": 100, "access": "read_write"},
+    {"name": "total", "address": "D209", "type": "int32", "min": 1},
+    {"name": "other", "address": "D220", "min": 1}])");
+  press["commands"]["allow"] = {"M100-M199", "D200-D209"};
+  EXPECT_TRUE(
+      warns(good(plant.dump()), {"/devices/0/commands/allow",
+                                 "D200 to D209 covers the tag setpoint at D200: ", "1 other tag"}));
+  press["commands"]["allow"] = {"M100-M199", "D200"};
+  EXPECT_TRUE(warns(good(plant.dump()), {"D200 covers the tag setpoint at D200: "}));
+  press["commands"]["allow"] = {"D210-D219"};
+  EXPECT_TRUE(warns(good(plant.dump()), {"D210 to D219 covers the tag total at D209: "}))
+      << "a command may change half of its value";
+  for (const char* range : {"D201-D208", "D211-D219", "D221-D299", "M200-M210"}) {
+    press["commands"]["allow"] = {range};
+    EXPECT_FALSE(warns(good(plant.dump()), {" covers "})) << range;
+  }
+}
+
 TEST(ConfigDevice, AllowListOverDevicesThatAreNeverWrittenIsRefused) {
   for (const auto* range : {"M8034", "M8037", "M8118", "M8000-M8255", "M8030-M8034", "M8037-M8040"})
     expect_error(with_commands(R"({"allow": ["D0", ")" + std::string(range) + "\"]}"),
