@@ -37,6 +37,7 @@ struct ReadWay {
   /// 0: a read by this way is an exchange of its own. Otherwise it is a part of a Gather by the
   /// GatherCommand of this number, if need be the only part, and the limits above are those of a
   /// part: the size of a block, or of a random read unit_bits 16 and max_bits 32 (double word).
+  /// Such a way has a `way` number of its own.
   std::uint8_t gather = 0;
 };
 

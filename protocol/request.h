@@ -24,8 +24,8 @@ struct Read {
   std::uint8_t gather = 0;  ///< part of a Gather: GatherCommand::gather; 0: sent alone
   friend bool operator==(const Read&, const Read&) = default;
 };
-/// Reads scattered spans, at least one, in one frame. All have the same `gather`. The image of the
-/// reply holds those of the parts in their order, each from a whole byte on.
+/// Reads scattered spans, at least one, in one frame: in any order, all with the same `gather`. The
+/// image of the reply holds those of the parts in their order, each from a whole byte on.
 struct Gather {
   std::vector<Read> parts;
   friend bool operator==(const Gather&, const Gather&) = default;

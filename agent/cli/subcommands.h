@@ -170,7 +170,8 @@ struct ReplayQuestion {
   std::string pcapng;  ///< file to write; empty: print the frames
   bool as_json = false;
 };
-/// Explains the frames of a recording. Returns 1 if the capture fails, 2 if the file is not one.
+/// Explains the frames of a recording. Returns 1 if the capture cannot be written, 2 if the file is
+/// not a recording.
 int run_replay(const ReplayQuestion& question);
 
 struct DecodeQuestion {

@@ -1,4 +1,5 @@
-// Connects a device's config to protocol/checklist.h: its wiring, and what to check. Pure.
+// Connects a device's config to protocol/checklist.h: how it is wired, and what to check when it is
+// silent. Pure.
 #pragma once
 
 #include <string>

@@ -48,7 +48,7 @@ class FieldLinks final {
   /// As Field::yield(). Without such a link, `done` gets Reason::reloading.
   void yield(const std::string& link, std::chrono::minutes time, const std::string& text,
              LinkWorker::Done done);
-  // As in Field.
+  // As in Field, but on the field thread.
   void number_above(const std::vector<std::uint64_t>& last_seq);
   void report();
   void trace(const std::vector<std::uint32_t>& links);

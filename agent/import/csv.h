@@ -22,7 +22,8 @@ struct CsvRow {
   std::string_view at(std::size_t column) const;
 };
 
-/// Returns the delimiter (tab, semicolon, comma) that most first lines contain outside quotes.
+/// Returns the delimiter (tab, semicolon or comma) that most of the first lines contain outside
+/// quotes.
 char csv_delimiter(std::string_view text);
 
 /// Returns every row that is not blank. `delimiter` is a comma, a semicolon or a tab.

@@ -25,7 +25,8 @@ bool is_no_port(const std::string& path);
 /// open the port.
 std::optional<PortHolder> port_holder(const std::string& path);
 
-/// True if the file is an argument of the process, under any name. False: not visible to this user.
+/// True if the file is an argument of the process, under any name. False if this user may not see
+/// it.
 bool is_called_with(int pid, const std::string& path);
 
 /// A process and the plain files that its arguments name.

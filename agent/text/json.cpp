@@ -36,7 +36,7 @@ std::string_view vanishing_number(std::string_view json) {
   for (std::size_t i = 0; i < json.size(); ++i) {
     if (json[i] == '"') in_string = !in_string;
     if (in_string && json[i] == '\\') ++i;
-    if (in_string || json[i] < '0' || json[i] > '9') continue;
+    if (in_string || (json[i] != '-' && (json[i] < '0' || json[i] > '9'))) continue;
     const auto number = json.substr(i, json.find_first_not_of("0123456789.eE+-", i) - i);
     double value = 0;
     std::from_chars(number.data(), number.data() + number.size(), value);

@@ -84,7 +84,7 @@ enum class Space : std::uint16_t {
   y,   ///< outputs
   dx,  ///< the same two, read directly from the modules
   dy,
-  m,          ///< relays: bits of the PLC's program, like L to S
+  m,          ///< relays: bits of the PLC's program, like L, F, V, B and S
   special_m,  ///< M8000 up of an FX
   l,
   f,
@@ -108,7 +108,7 @@ enum class Space : std::uint16_t {
   lcn,  ///< 32 bits, like the next two and LZ
   ltn,
   lstn,
-  d,          ///< registers: words of the PLC's program, like W to LZ
+  d,          ///< registers: words of the PLC's program, like W, R, ZR and RD
   special_d,  ///< D8000 up of an FX
   w,
   sw,

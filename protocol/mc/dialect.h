@@ -53,7 +53,8 @@ inline constexpr std::uint8_t kBlockWay = 4;   ///< blocks of 0406, in a Gather
 // GatherCommand::gather.
 inline constexpr std::uint8_t kRandomRead = 1;  ///< 0403
 inline constexpr std::uint8_t kBlockRead = 2;   ///< 0406
-/// Added to Write::way after an iQ-R has refused its own device codes: selects those of Q and L.
+/// Added to `way` of a Write or Force after an iQ-R has refused its own device codes: selects those
+/// of Q and L.
 inline constexpr std::uint8_t kPlainCodes = 0x80;
 /// True if requests by this way have the 2-byte codes and 4-byte numbers of iQ-R.
 bool has_long_codes(const Dialect& dialect, std::uint8_t way);

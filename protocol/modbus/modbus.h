@@ -37,7 +37,8 @@ class Modbus final : public Codec, public AddressSpace {
   static Result<std::shared_ptr<const Codec>> make(Framing framing, const Options& options);
 
   // AddressSpace
-  /// Parses hr:100 ir:0 co:5 di:7, hr:100.3 (bit 3), hr:0x64; by their digits 40101 and 400101.
+  /// Parses hr:100 ir:0 co:5 di:7, hr:100.3 (bit 3), hr:0x64; also 40101 or 400101, by the number
+  /// of digits.
   Result<Address> parse_address(std::string_view text, std::optional<DataType> type) const override;
   /// Parses hr:100-hr:119, hr:100-119 or one address.
   Result<Span> parse_range(std::string_view text) const override;

@@ -18,8 +18,8 @@ namespace fxagent {
 /// Line time of an exchange: its characters, and a part that every exchange has.
 struct LineCost {
   std::chrono::nanoseconds per_char{0};  ///< 10 bits at 9600 baud: 1.0417 ms
-  std::chrono::nanoseconds per_exchange{
-      0};  ///< the device's own time plus the gap before a request
+  /// The device's own time plus the gap before a request.
+  std::chrono::nanoseconds per_exchange{0};
 
   std::chrono::nanoseconds of(const LineLength& length) const {
     return per_exchange + per_char * length.planned_chars();

@@ -255,10 +255,12 @@ void read_op(const Json& object, Command& command, std::string_view ops, Faults&
   }
   command.op_text = text->substr(0, kMaxOpKept);
   command.op = op_from(*text);
-  if (!command.op)
-    faults.add(Reason::bad_op,
-               "op " + in_quotes(*text) + " is not one of " + words +
-                   (text->find('-') != std::string::npos ? " (with _, not -)" : ""));
+  if (command.op) return;
+  std::string with_underscores = *text;
+  std::ranges::replace(with_underscores, '-', '_');
+  faults.add(Reason::bad_op,
+             "op " + in_quotes(*text) + " is not one of " + words +
+                 (words.find(with_underscores) != words.npos ? " (with _, not -)" : ""));
 }
 
 void read_type(const Json& type, CommandTarget& target, Faults& faults) {

@@ -43,7 +43,8 @@ inline constexpr ConfigLimits kFileLimits{
 inline constexpr ConfigLimits kRemoteLimits{
     "a remote config", {10'000, 10'000, 20'000, 100'000, 500'000}, 128u << 20, 16u << 20};
 
-/// Returns kRemoteLimits, raised to the local file, so that a document may leave it unchanged.
+/// Returns kRemoteLimits, raised to the size of the local file, so that a document may leave it
+/// unchanged.
 ConfigLimits remote_limits(const Config& local);
 
 /// A config that needs more memory gets a warning: the service has 256 MiB.

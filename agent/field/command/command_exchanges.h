@@ -94,7 +94,8 @@ class CommandExchanges final {
 
  private:
   enum class Try : std::uint8_t { first, second };
-  /// Sends `request`, after the read that it needs, if any. If that fails, so does the command.
+  /// Sends `request`, after the read that it needs, if any. If that read fails, the command fails
+  /// with it.
   asio::awaitable<Exchange> send(Request request, Try which);
   /// Marks the command as started, once. False: it could not be marked and must not be sent.
   asio::awaitable<bool> mark_started();

@@ -31,7 +31,8 @@ class Session final {
   };
 
   /// All references outlive the session; `mqtt` has the servers. `profile` names it in the log;
-  /// empty: it is the agent's own. `will`: of each disconnect.
+  /// empty: it is the agent's own. `will`: at a disconnect; a server that acknowledges nothing is
+  /// always left with Will::published.
   Session(Broker& broker, Outgoing& outgoing, const MqttConfig& mqtt, JitteredBackoff& backoff,
           Listener listener, std::string profile = {}, Will will = Will::discarded);
 

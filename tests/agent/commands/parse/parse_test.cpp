@@ -179,6 +179,10 @@ TEST(ParseCommand, UnknownOpIsNoQuestionOfItsKeys) {
   }
   EXPECT_EQ(fxagent::parse_command(R"({"id":"a","op":"jump"})", "Run, Stop").refusal->detail,
             "op 'jump' is not one of Run, Stop");
+  EXPECT_EQ(fxagent::parse_command(R"({"id":"a","op":"re-boot"})", "Run, Stop").refusal->detail,
+            "op 're-boot' is not one of Run, Stop");
+  EXPECT_TRUE(fxagent::parse_command(R"({"id":"a","op":"force-on"})")
+                  .refusal->detail.ends_with(" (with _, not -)"));
   const Command unknown = fxagent::parse_command(R"({"id":"a","op":"jump","colour":1})");
   ASSERT_TRUE(unknown.refusal);
   EXPECT_EQ(unknown.refusal->reason, Reason::bad_json);
@@ -302,7 +306,7 @@ INSTANTIATE_TEST_SUITE_P(
                 Reason::bad_json, "1e-400 is too close to 0", "a"},
         Refused{"NumberThatWouldBecome0InAnArray",
                 R"({"id":"a","op":"write","tag":"t","value":[1,-0.1E-399]})", Reason::bad_json,
-                "0.1E-399 is too close to 0", "a"},
+                "number -0.1E-399 is too close to 0", "a"},
         Refused{"Status", write_with(R"("status":"SUCCEEDED")"), Reason::bad_json, "status", "a"},
         Refused{"StatusOfAnyType", R"({"status":null})", Reason::bad_json, "status", ""},
         Refused{"NoId", R"({"op":"run"})", Reason::missing_id, "no id", ""},

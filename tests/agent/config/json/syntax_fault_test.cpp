@@ -64,6 +64,7 @@ TEST(SyntaxFault, WhatPeopleGetWrongIsNamedWhereTheyWroteIt) {
       SyntaxCase{"\xEF\xBB\xBF{\"a\": 1,}", "there is a comma before this }"},
       SyntaxCase{"{\"a\": \"K\xFChler\"}", "column 9: the text is not UTF-8"},
       SyntaxCase{"{\"K\xFChler\": 1}", "column 4: the text is not UTF-8"},
+      SyntaxCase{"{\"a\": \xFC}", "column 7: the text is not UTF-8"},
       SyntaxCase{"{\"a\": \"b\tc\"}", "column 9: a tab in a string: write \\t"},
       SyntaxCase{"[\"b\x01\"]", "column 4: a control character in a string: remove it"},
   });
