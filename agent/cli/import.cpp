@@ -69,6 +69,9 @@ int run_import(const ImportQuestion& what) {
                                  one_of(names_in(import_formats())));
   const auto text = to_utf8(*bytes, format->legacy);
   if (!text) return refused("import", what.path + ": " + text.error());
+  if (!is_unicode(*bytes))
+    std::cerr << what.path << ": the encoding is not Unicode and assumed to be " << format->legacy
+              << ": if letters are wrong, convert the file to UTF-8 first, as with iconv\n";
   auto imported = format->read(*text, what.options);
   if (!imported)
     return refused("import",

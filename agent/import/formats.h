@@ -50,6 +50,8 @@ std::string export_csv(std::string_view text);
 bool is_tag_csv(std::string_view text);
 ImportResult import_tag_csv(std::string_view text, const ImportOptions& options);
 
+/// True if to_utf8() detects UTF-8 or UTF-16; otherwise it assumes the legacy encoding.
+bool is_unicode(std::string_view bytes);
 /// Converts `bytes` to UTF-8 without a byte order mark. Detects UTF-8, and UTF-16 by its mark or
 /// its zero bytes. Treats anything else as `legacy`, an iconv encoding such as "CP932" (Shift-JIS)
 /// or "WINDOWS-1252". The error names the encoding that the bytes violate.

@@ -35,25 +35,23 @@ bool has_zeros_at(std::string_view bytes, std::size_t first) {
   return head.size() >= 4 && zeros * 4 > head.size() / 2;
 }
 
+/// Returns UTF-8 or UTF-16 by byte order mark, zero bytes or valid UTF-8; nullptr: none of them.
+const char* unicode_of(std::string_view bytes) {
+  using std::string_view_literals::operator""sv;
+  if (bytes.starts_with("\xFF\xFE"sv)) return "UTF-16LE";
+  if (bytes.starts_with("\xFE\xFF"sv)) return "UTF-16BE";
+  if (has_zeros_at(bytes, 1)) return "UTF-16LE";
+  if (has_zeros_at(bytes, 0)) return "UTF-16BE";
+  return is_utf8(bytes) ? "UTF-8" : nullptr;
+}
+
 }  // namespace
 
+bool is_unicode(std::string_view bytes) { return unicode_of(bytes) != nullptr; }
+
 tl::expected<std::string, std::string> to_utf8(std::string_view bytes, const char* legacy) {
-  using std::string_view_literals::operator""sv;
-  if (bytes.starts_with("\xEF\xBB\xBF")) bytes.remove_prefix(3);
-  const char* encoding = legacy;
-  if (bytes.starts_with("\xFF\xFE"sv)) {
-    encoding = "UTF-16LE";
-    bytes.remove_prefix(2);
-  } else if (bytes.starts_with("\xFE\xFF"sv)) {
-    encoding = "UTF-16BE";
-    bytes.remove_prefix(2);
-  } else if (has_zeros_at(bytes, 1)) {
-    encoding = "UTF-16LE";
-  } else if (has_zeros_at(bytes, 0)) {
-    encoding = "UTF-16BE";
-  } else if (is_utf8(bytes)) {
-    return std::string(bytes);
-  }
+  const char* unicode = unicode_of(bytes);
+  const char* encoding = unicode != nullptr ? unicode : legacy;
   const iconv_t converter = iconv_open("UTF-8", encoding);
   if (converter == reinterpret_cast<iconv_t>(-1))
     return tl::unexpected("the C library of this machine cannot convert " + std::string(encoding) +
@@ -62,6 +60,8 @@ tl::expected<std::string, std::string> to_utf8(std::string_view bytes, const cha
   std::string out;
   if (!convert(converter, bytes, out) || !is_utf8(out))
     return tl::unexpected("is neither UTF-8 nor " + std::string(encoding));
+  constexpr std::string_view kMark = "\xEF\xBB\xBF";
+  if (unicode != nullptr && out.starts_with(kMark)) out.erase(0, kMark.size());
   return out;
 }
 

@@ -39,6 +39,8 @@ class Import(unittest.TestCase):
             self.assertIn(f"{path}:2: \"温度\" is named d100", err)
             self.assertIn(f"{path}:4: left out: ", err)
             self.assertIn("2 tags imported, 1 of them changed, 1 left out", err)
+        latin = self.file("latin.csv", "Device Name,Comment\nD0,Öl Druck\n".encode("latin1"))
+        self.assertIn(f"{latin}: the encoding is not Unicode and assumed to be CP932", self.imported("gx", latin)[1])
         kepware = ("Tag Name,Address,Data Type,Client Access,Scan Rate,Eng Units\n"
                    "\"T1\",\"400001\",Word,R/W,1000,\"°C\"\n").encode("cp1252")
         config, _ = self.imported("auto", self.file("k.csv", kepware), "--port", "192.0.2.9:502")

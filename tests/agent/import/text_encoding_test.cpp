@@ -39,6 +39,12 @@ TEST(TextEncoding, ShiftJisAndLatin) {
             "°C");
 }
 
+TEST(TextEncoding, OnlyUnicodeIsCertain) {
+  EXPECT_TRUE(is_unicode("\xC3\x96l"));
+  EXPECT_TRUE(is_unicode("X\0001\000\t\000A\000"s));
+  EXPECT_FALSE(is_unicode("\xD6l Druck"));
+}
+
 TEST(TextEncoding, WhatIsNoneOfThemIsTold) {
   test::expect_says(test::error_of(to_utf8("\xFF\xFE\x29"s, "CP932")), "UTF-16LE");
   const auto noise = to_utf8("\x81\xFF\xFF", "CP932");
