@@ -90,8 +90,10 @@ bool drop_refused(Imported& imported, const std::vector<ConfigError>& errors) {
   for (const auto& [place, reasons] : std::views::reverse(refused)) {
     auto& tags = imported.devices[place.first].tags;
     const auto tag = tags.begin() + static_cast<std::ptrdiff_t>(place.second);
-    const std::string text =
-        dumped(JsonObject(text_at(tag->keys, "name"))) + ": " + reasons.front()->text;
+    std::string text = dumped(JsonObject(text_at(tag->keys, "name")));
+    for (const ConfigError* error : reasons)
+      text += (error == reasons.front() ? ": " : "; ") +
+              error->pointer.substr(error->pointer.rfind('/') + 1) + ": " + error->text;
     const auto all_of_key = [&](std::string_view key) {
       return std::ranges::all_of(
           reasons, [&](const ConfigError* error) { return error->pointer.ends_with(key); });
@@ -228,7 +230,7 @@ std::string NameMaker::make(std::string_view wanted, std::string_view fallback, 
     if ((c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '-' || c == '_') {
       name += c;
     } else {
-      is_whole = is_whole && static_cast<unsigned char>(c) < 0x80;
+      is_whole = is_whole && source_ == Source::text && static_cast<unsigned char>(c) < 0x80;
       if (!name.empty() && name.back() != '_') name += '_';
     }
   }
@@ -296,7 +298,7 @@ std::string LinkTable::to(const std::string& port, std::string_view protocol, in
 }
 
 std::string LinkTable::to_placeholder(std::string_view protocol, int line, const std::string& why) {
-  imported_.note(line, why + "the link is a placeholder: set its port");
+  imported_.note(line, why + placeholder_note(protocol));
   return to(placeholder_port(protocol), protocol);
 }
 
@@ -333,6 +335,11 @@ std::string melsec_bit_address(std::string_view text) {
 std::string placeholder_port(std::string_view protocol) {
   const ProtocolInfo* info = find_protocol(protocol);
   return info != nullptr && !info->on_serial ? "192.0.2.1:502" : "/dev/ttyUSB0";
+}
+
+std::string placeholder_note(std::string_view protocol) {
+  return "the link is a placeholder, " + placeholder_port(protocol) +
+         ": set the real one, as with --port";
 }
 
 ImportOutcome finish(Imported imported) {

@@ -98,12 +98,18 @@ void note_other_keys(Imported& out, const ConfigTree& tree, const ConfigNode& no
 /// Makes valid, unique config names of foreign ones: lower case, "_" for invalid characters.
 class NameMaker {
  public:
-  /// Returns `fallback` if no character of `wanted` is valid in a name. Adds a note for that, for
-  /// lost letters and for an added number.
+  /// `name`: every change except capitals is noted. `text`: the tag keeps the text elsewhere, so
+  /// only lost letters and added numbers are noted.
+  enum class Source : std::uint8_t { name, text };
+  explicit NameMaker(Source source = Source::text) : source_(source) {}
+
+  /// Returns `fallback` if no character of `wanted` is valid in a name. Adds a note if a name is
+  /// too long or differs from `wanted` as `Source` says.
   std::string make(std::string_view wanted, std::string_view fallback, int line,
                    std::vector<ImportNote>& notes);
 
  private:
+  Source source_;
   std::set<std::string, std::less<>> taken_;
   std::map<std::string, int, std::less<>> next_;  ///< the number to try next
 };
@@ -164,6 +170,8 @@ std::string melsec_bit_address(std::string_view text);
 
 /// Returns "192.0.2.1:502" for a TCP-only protocol, else "/dev/ttyUSB0".
 std::string placeholder_port(std::string_view protocol);
+/// Returns the note about a link to placeholder_port().
+std::string placeholder_note(std::string_view protocol);
 
 struct ImportOutcome {
   /// Passes `check` in a file of its owner alone; empty if nothing could be converted.

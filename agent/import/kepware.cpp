@@ -99,7 +99,7 @@ class TagReader {
   Imported& out_;
   ImportedDevice& device_;
   IntervalGroups groups_;
-  NameMaker names_;
+  NameMaker names_{NameMaker::Source::name};
   const CsvRow& head_;  ///< the titles of the columns
 };
 

@@ -225,7 +225,7 @@ std::string NeuronReader::port() {
     else if (!host.empty() && port)
       return std::string(host) + ":" + std::to_string(*port);
   }
-  note("the link is a placeholder: set its port");
+  note(placeholder_note(protocol_));
   return placeholder_port(protocol_);
 }
 

@@ -111,6 +111,7 @@ class TagCsvReader {
   std::size_t group_column_ = 0;
   bool is_whole_ = false;                       ///< the file has rows that define the devices
   std::map<std::string, std::size_t> devices_;  ///< name to index in out_.devices
+  std::map<std::string, NameMaker> names_;      ///< of the tags of each device
   std::set<std::pair<std::string, std::string>> groups_;  ///< created for devices without a row
 };
 
@@ -171,11 +172,9 @@ void TagCsvReader::take_tag(const CsvRow& row) {
     } else if (is_json_of(keys[i], std::string(row.at(column)))) {
       tag.keys[keys[i].name] = JsonObject::parse(row.at(column));
     } else if (!row.at(column).empty()) {
-      const bool is_comma = keys[i].type == ConfigKey::Type::number && cell.find(',') != cell.npos;
-      return out_.leave_out(row.line, std::string(keys[i].name) + " must be " +
-                                          (keys[i].is_number() ? "a number" : "a JSON object") +
-                                          ", found \"" + cell + "\"" +
-                                          (is_comma ? "; write a decimal point" : ""));
+      tag.keys[keys[i].name] = cell;  // the loader reports it with the other faults of the row
+      if (keys[i].type == ConfigKey::Type::number && cell.find(',') != cell.npos)
+        out_.note(row.line, std::string(keys[i].name) + " \"" + cell + "\": write a decimal point");
     }
   }
   std::string name(row.at(columns_.back()));
@@ -187,6 +186,14 @@ void TagCsvReader::take_tag(const CsvRow& row) {
   const std::string group(row.at(group_column_));
   if (!device.may_be_empty && !group.empty() && groups_.emplace(name, group).second)
     device.groups.push_back(JsonObject::object({{"name", group}}));
+  // A placeholder such as {n} is part of a valid name.
+  const std::string wanted(text_at(tag.keys, "name"));
+  if (!wanted.empty() && wanted.find('{') == wanted.npos) {
+    const std::size_t before = out_.notes.size();
+    tag.keys["name"] = names_.try_emplace(name, NameMaker::Source::name)
+                           .first->second.make(wanted, "tag", row.line, out_.notes);
+    tag.is_changed = out_.notes.size() > before;
+  }
   device.tags.push_back(std::move(tag));
 }
 

@@ -38,7 +38,7 @@ TEST(GxComments, GxWorks2HasTabsAndATitle) {
          "\"M0\"\t\"running\"\r\n\"M1\"\t\"\"\r\n\"TN5\"\t\"fill time\"\r\n");
   EXPECT_EQ(made.config["devices"][0]["tags"].size(), 2U);
   expect_note(made, {"0: left out: 1 device without a comment"});
-  expect_note(made, {"the link is a placeholder"});
+  expect_note(made, {"the link is a placeholder, /dev/ttyUSB0: set the real one, as with --port"});
   expect_note(made, {"plc1: the protocol is assumed to be fx-programming-port", "--protocol"});
 }
 

@@ -89,7 +89,7 @@ TEST(LinkTable, ImpossiblePortIsAPlaceholder) {
   EXPECT_EQ(out.notes[0].line, 3);
   EXPECT_EQ(out.notes[0].text,
             "not imported: the connection \"192.0.2.7:70000\", whose port is wrong; the link is a "
-            "placeholder: set its port");
+            "placeholder, 192.0.2.1:502: set the real one, as with --port");
 }
 
 TEST(LinkTable, WhatAPortIs) {

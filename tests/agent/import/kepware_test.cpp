@@ -83,6 +83,14 @@ TEST(Kepware, ValuesOfFourRegistersHaveTheirType) {
   EXPECT_EQ(out.left_out, 0U);
 }
 
+TEST(Kepware, ANameWithOtherCharactersIsNoted) {
+  const Made out = made(
+      "\"Alarm.Over\",\"400001\",Word,1,RO,100,,,,,,,,,,\"\",\n"
+      "\"Pump\",\"400002\",Word,1,RO,100,,,,,,,,,,\"\",\n");
+  expect_note(out, {"2: \"Alarm.Over\" is named alarm_over"});
+  EXPECT_EQ(out.changed, 1U);
+}
+
 TEST(Kepware, IsToldByItsHead) {
   EXPECT_TRUE(is_kepware(kHead));
   EXPECT_FALSE(is_kepware("a,b\n"));

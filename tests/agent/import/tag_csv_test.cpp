@@ -201,8 +201,25 @@ TEST(TagCsv, WhatIsNoNumberIsTold) {
   const Made made =
       made_of("device,name,address,scale\nd,a,D0,x\nd,b,D1,2\nd,c,D2,\"0,1\"\n", import_tag_csv);
   EXPECT_EQ(made.config["devices"][0]["tags"].size(), 1U);
-  expect_note(made, {"2: left out: scale must be a number, found \"x\""});
-  expect_note(made, {"found \"0,1\"; write a decimal point"});
+  expect_note(made, {"2: left out: \"a\": scale: must be a number, found the string \"x\""});
+  expect_note(made, {"4: scale \"0,1\": write a decimal point"});
+}
+
+TEST(TagCsv, EveryFaultOfARowIsTold) {
+  const Made made = made_of(
+      "device,name,address,type,scale,access\nd,a,D0,flot,\"0,1\",rw\nd,b,D1,,,\n", import_tag_csv);
+  expect_note(made, {"2: left out: \"a\"", "type: must be", "scale: must be", "access: must be"});
+  EXPECT_EQ(made.left_out, 1U);
+}
+
+TEST(TagCsv, NamesAreMadeValid) {
+  const Made made =
+      made_of("device,name,address\nd,Flow,D0\nd,Motor 1,D1\ne,Flow,D2\n", import_tag_csv);
+  const json& devices = made.config["devices"];
+  EXPECT_EQ(devices[0]["tags"][0]["name"], "flow");
+  EXPECT_EQ(devices[0]["tags"][1]["name"], "motor_1");
+  EXPECT_EQ(devices[1]["tags"][0]["name"], "flow");
+  expect_note(made, {"3: \"Motor 1\" is named motor_1"});
 }
 
 TEST(TagCsv, BrokenJsonIsTold) {
