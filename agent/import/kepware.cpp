@@ -95,6 +95,7 @@ class TagReader {
   }
   void leave_out(const CsvRow& row, const std::string& why) { out_.leave_out(row.line, why); }
   bool add_scaling(const CsvRow& row, ImportedTag& tag);
+  void add_limits(const CsvRow& row, ImportedTag& tag);
 
   Imported& out_;
   ImportedDevice& device_;
@@ -120,8 +121,6 @@ bool TagReader::add_scaling(const CsvRow& row, ImportedTag& tag) {
     }
     scale = (*high - *low) / (*to - *from);
     offset = *low - *from * scale;
-    if (cell(row, "Clamp Low") == "1" || cell(row, "Clamp High") == "1")
-      out_.note(row.line, "not imported: clamping, which a config does not support");
   } else if (!mode.empty() && mode != "none") {
     leave_out(row, "scaling \"" + mode + "\" is not supported by a config");
     return false;
@@ -133,6 +132,28 @@ bool TagReader::add_scaling(const CsvRow& row, ImportedTag& tag) {
   if (scale != 1) tag.keys["scale"] = json_number(scale);
   if (offset != 0) tag.keys["offset"] = json_number(offset);
   return true;
+}
+
+/// Imports the clamps of a correct linear scaling as limits of commands.
+void TagReader::add_limits(const CsvRow& row, ImportedTag& tag) {
+  if (lower(cell(row, "Scaling")) != "linear") return;
+  const bool is_negated = cell(row, "Negate Value") == "1";
+  const double low = number_from<double>(cell(row, "Scaled Low")).value_or(0);
+  const double high = number_from<double>(cell(row, "Scaled High")).value_or(0);
+  bool is_clamped = false;
+  const auto add = [&](std::string_view title, double end, bool is_least) {
+    if (cell(row, title) != "1") return;
+    is_clamped = true;
+    if (tag.keys.contains("access"))
+      tag.keys[is_least != is_negated ? "min" : "max"] = json_number(is_negated ? -end : end);
+  };
+  add("Clamp Low", low, low < high);
+  add("Clamp High", high, high < low);
+  if (is_clamped)
+    out_.note(row.line, tag.keys.contains("access")
+                            ? "clamping is imported as min and max: a command with a value beyond "
+                              "them is refused, and a value that is read is not clamped"
+                            : "not imported: clamping; a value that is read is not clamped");
 }
 
 void TagReader::take(const CsvRow& row) {
@@ -160,6 +181,7 @@ void TagReader::take(const CsvRow& row) {
     tag.keys["access"] = "read_write";
   if (rights == "wo" || rights == "w")
     out_.note(row.line, "not imported: write only; a tag can always be read");
+  add_limits(row, tag);
   if (const auto rate = number_from<std::int64_t>(cell(row, "Scan Rate")))
     tag.keys["group"] = groups_.at(*rate);
   if (!cell(row, "Eng Units").empty()) tag.keys["unit"] = literal(cell(row, "Eng Units"));

@@ -63,7 +63,7 @@ TEST(Kepware, WhatCannotBeCarriedOverIsTold) {
   expect_note(out, {"2: left out", "Char"});
   expect_note(out, {"3: left out", "square root"});
   expect_note(out, {"4: not imported", "write only"});
-  expect_note(out, {"4: not imported", "clamping"});
+  expect_note(out, {"4: clamping is imported"});
   EXPECT_EQ(out.config["devices"][0]["tags"][0].value("description", ""), "the pump");
   expect_note(out, {"5: left out", "H400004"});
   expect_note(out, {"6: left out", "empty range"});
@@ -81,6 +81,26 @@ TEST(Kepware, ValuesOfFourRegistersHaveTheirType) {
     {"name":"c","address":"400009","type":"float64","group":"every_100_ms"},
     {"name":"d","address":"400013","type":"uint64","count":2,"group":"every_100_ms"}])"));
   EXPECT_EQ(out.left_out, 0U);
+}
+
+TEST(Kepware, ClampsOfAWritableTagAreItsLimits) {
+  const Made out = made(
+      "\"SetTemp\",\"400001\",Word,1,R/W,100,Linear,0,1000,0,100,Double,1,1,\"\",\"\",0\n"
+      "\"High\",\"400002\",Word,1,R/W,100,Linear,0,1000,0,100,Double,0,1,\"\",\"\",0\n"
+      "\"Falling\",\"400003\",Word,1,R/W,100,Linear,0,1000,100,0,Double,1,0,\"\",\"\",0\n"
+      "\"Negated\",\"400004\",Short,1,R/W,100,Linear,0,1000,0,100,Double,0,1,\"\",\"\",1\n"
+      "\"Read\",\"400005\",Word,1,RO,100,Linear,0,1000,0,100,Double,1,1,\"\",\"\",0\n");
+  const json& tags = out.config["devices"][0]["tags"];
+  const auto limits = [&](std::size_t i) {
+    return tags[i].value("min", json()).dump() + " " + tags[i].value("max", json()).dump();
+  };
+  EXPECT_EQ(limits(0), "0 100");
+  EXPECT_EQ(limits(1), "null 100");
+  EXPECT_EQ(limits(2), "null 100");
+  EXPECT_EQ(limits(3), "-100 null");
+  EXPECT_EQ(limits(4), "null null");
+  expect_notes(4, out, {"clamping is imported as min and max", "is refused"});
+  expect_note(out, {"6: not imported: clamping"});
 }
 
 TEST(Kepware, ANameWithOtherCharactersIsNoted) {
