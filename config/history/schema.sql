@@ -151,11 +151,12 @@ BEGIN
   ON CONFLICT (agent, device, boot) DO UPDATE
     SET dropped = greatest(d.dropped, excluded.dropped), ts = greatest(d.ts, excluded.ts);
 
-  INSERT INTO refused AS r (topic, reason, payload, bytes, digest)
-  SELECT DISTINCT ON (f.topic, f.digest) f.topic, f.reason, decode(f.payload, 'hex'), f.bytes, f.digest
+  INSERT INTO refused AS r (topic, reason, payload, bytes, digest, deliveries)
+  SELECT f.topic, min(f.reason), decode(min(f.payload), 'hex'), min(f.bytes), f.digest, count(*)
   FROM jsonb_to_recordset(batch->'refused') AS f(topic text, reason text, payload text, bytes bigint, digest text)
+  GROUP BY f.topic, f.digest
   ORDER BY f.topic, f.digest
-  ON CONFLICT (topic, digest) DO UPDATE SET deliveries = r.deliveries + 1, last_at = now();
+  ON CONFLICT (topic, digest) DO UPDATE SET deliveries = r.deliveries + excluded.deliveries, last_at = now();
 END $$;
 
 -- ---- Partitions and retention ----------------------------------------------------------------------------------------

@@ -379,6 +379,13 @@ class Schema(unittest.TestCase):
             self.database.psql("SELECT history.maintain('400')", user="writer")
         self.assertEqual(self.database.value("SELECT count(*) FROM history.samples"), 10)
 
+    def test_each_delivery_of_a_refused_message_counts(self):
+        message = {"topic": "t", "reason": "the payload is not JSON", "payload": "7b", "bytes": 1, "digest": "d"}
+        for count in (3, 1):
+            batch = json.dumps({"samples": [], "health": [], "refused": [message] * count})
+            self.database.psql(f"SELECT history.put('{batch}')")
+        self.assertEqual(self.database.rows("SELECT topic, deliveries FROM history.refused"), [{"topic": "t", "deliveries": 4}])
+
     def test_the_newest_health_counts_whatever_its_clock_says(self):
         now = self.database.value("SELECT (extract(epoch FROM now()) * 1000)::bigint")
         day = 86_400_000
