@@ -52,9 +52,10 @@ LineSettings parse_line(const json& plc, Protocol protocol, const std::string& w
   const std::string name(protocol_name(protocol));
   line.pty = text(plc, "pty", "", where);
   if (plc.contains("pty") + plc.contains("tcp") + plc.contains("udp") != 1)
-    fail(where, is_mc_ethernet(protocol)
-                    ? "exactly one of \"tcp\" and \"udp\" (a port) is expected"
-                    : "exactly one of \"pty\" (a path) and \"tcp\" (a port) is expected");
+    fail(where, is_mc_ethernet(protocol) ? "exactly one of \"tcp\" and \"udp\" (a port) is expected"
+                                         : "exactly one of \"pty\" (a path) and \"tcp\" (a port) "
+                                           "is expected; \"udp\" is for mc-1e, "
+                                           "mc-3e and mc-4e");
   if (plc.contains("pty") && line.pty.empty()) fail(where + "/pty", "a path is expected");
   if (ethernet && plc.contains("pty")) fail(where + "/pty", name + " needs \"tcp\"");
   line.tcp = static_cast<std::uint16_t>(number(plc, "tcp", 0, 0, 65535, where));

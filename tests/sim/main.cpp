@@ -27,9 +27,21 @@ std::vector<fxsim::PlcConfig> load(const std::string& file, const std::vector<st
   }
   if (!root.is_object() || !root.contains("plcs") || !root["plcs"].is_array())
     throw fxsim::ConfigError("/plcs: an array of PLCs is expected");
+  const std::size_t in_file = root["plcs"].size();
   for (const auto& form : forms) root["plcs"].push_back(fxsim::plc_from_short_form(form));
   if (root["plcs"].empty() && !from.empty()) return {};
-  return fxsim::parse_config(root);
+  try {
+    return fxsim::parse_config(root);
+  } catch (const fxsim::ConfigError& error) {
+    const std::string text = error.what();
+    for (std::size_t i = 0; i < forms.size(); ++i) {
+      const std::string place = "/plcs/" + std::to_string(in_file + i);
+      if (text.starts_with(place + ':') || text.starts_with(place + '/'))
+        throw fxsim::ConfigError("--plc " + forms[i] + (text[place.size()] == '/' ? ": " : "") +
+                                 text.substr(place.size()));
+    }
+    throw;
+  }
 }
 
 }  // namespace

@@ -12,7 +12,16 @@ import unittest
 from unittest import mock
 
 import plant
-from plant import BROKER, Agent, Broker, PlantTest, free_port, listens, wait_for, write_text
+from plant import BROKER, FXSIM, Agent, Broker, PlantTest, free_port, listens, wait_for, write_text
+
+
+class Simulator(unittest.TestCase):
+    def test_a_wrong_option_is_named(self):
+        for form, said in (("name=p", '--plc name=p: exactly one of "pty" (a path) and "tcp" (a port) is expected; "udp" is'),
+                           ("name=p,tcp=70000", "--plc name=p,tcp=70000: /tcp: 70000 is not in 0 to 65535")):
+            done = subprocess.run([FXSIM, "--plc", form], capture_output=True, text=True, timeout=60, check=False)
+            self.assertEqual(done.returncode, 2)
+            self.assertIn(said, done.stderr)
 
 
 class Ports(unittest.TestCase):
