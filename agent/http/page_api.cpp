@@ -213,7 +213,7 @@ void write_events(Writer& out, std::uint64_t after) {
 }
 
 /// Writes a tag as an array, since there may be many: name, address, type, unit, 1 if a command may
-/// write it, description, 1 if it has a scale or an offset.
+/// write it, description, 1 if it has a scale or an offset, labels of its values.
 void write_tag(Writer& out, const TagConfig& tag) {
   out.begin_array();
   out.string(tag.name).string(tag.point.address.text);
@@ -221,7 +221,10 @@ void write_tag(Writer& out, const TagConfig& tag) {
   if (tag.point.is_array) type += "[" + std::to_string(tag.point.count) + "]";
   out.string(type).string(tag.units->unit).integer(std::int64_t{tag.writable ? 1 : 0});
   out.string(tag.units->description).integer(std::int64_t{tag.point.scaled() ? 1 : 0});
-  out.end_array();
+  out.begin_object();
+  for (const auto& [number, label] : tag.units->states)
+    out.key(std::to_string(number)).string(label);
+  out.end_object().end_array();
 }
 
 void write_device(Writer& out, const DeviceConfig& device) {

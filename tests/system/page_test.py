@@ -442,12 +442,15 @@ class InChromium(Browser, PagePlant):
         self.see("yielded")
 
     def test_a_value_has_all_its_digits_and_a_scaled_one_no_word_orders(self):
-        self.begin(more_tags=[{"name": "meter", "address": "D120", "type": "uint32", "scale": 0.01}])
+        self.begin(more_tags=[{"name": "meter", "address": "D120", "type": "uint32", "scale": 0.01},
+                              {"name": "state", "address": "D130", "states": {"0": "stop"}}])
         self.sim.set("press1", "D120", 1234567891 & 0xFFFF)
         self.sim.set("press1", "D121", 1234567891 >> 16)
         self.browse()
         self.open("values")
         self.see("12345678.91")
+        self.see("0 (stop)")
+        self.see("reported ")
         for tag, shown in (("press1 total", "true"), ("press1 meter", "false")):
             self.do(click=f"[aria-label='plot {tag}']")
             self.do(until=f"document.querySelector('.legend')?.innerText.includes('{tag}')")

@@ -15,8 +15,8 @@ let tags = [];
 function allTags() {
   const tags = [];
   data.config.devices.forEach((device, d) => device?.groups.forEach((group, g) => group.tags.forEach((tag, t) => {
-    const [name, address, type, unit, , description, scaled] = tag;
-    tags.push({key: `${d}.${g}.${t}`, group: `${d}.${g}`, t, device: device.name, name, address, type, unit, description, scaled,
+    const [name, address, type, unit, , description, scaled, labels] = tag;
+    tags.push({key: `${d}.${g}.${t}`, group: `${d}.${g}`, t, device: device.name, name, address, type, unit, description, scaled, labels,
       text: `${device.name} ${name} ${address} ${description} ${group.name}`.toLowerCase()});
   })));
   return tags;
@@ -132,8 +132,8 @@ export function values(main, given) {
     node.shownKey = key;
     const rest = [
       el('span', {title: tag.description || tag.name}, el('span', {class: 'soft'}, `${tag.device} `), tag.name),
-      el('span', {class: 'value'}, bad ? `${bad} since ${clock(badSince)}` : `${value(now)} ${tag.unit}`),
-      el('span', {class: 'age'}, ts ? `${since(ts, data.ts)} ago` : 'not read yet'),
+      el('span', {class: 'value'}, bad ? `${bad} since ${clock(badSince)}` : `${value(now, tag.labels)} ${tag.unit}`),
+      el('span', {class: 'age'}, ts ? `reported ${since(ts, data.ts)} ago` : 'not reported yet'),
       el('span', {class: 'address soft small'}, `${tag.address} ${tag.type}`), spark(tag)];
     if (node.firstChild !== node.box) node.replaceChildren(node.box, ...rest);
     else { while (node.lastChild !== node.box) node.lastChild.remove(); node.append(...rest); }
@@ -164,7 +164,7 @@ export function values(main, given) {
     show(chart, chosen.length === 0 ? '' : JSON.stringify([chosen.map((tag) => tag.key), seconds, paused ?? data.ts]), () => chosen.length === 0 ? '' : [
       plot(), el('ul', {class: 'legend'}, chosen.map((tag, i) => el('li', {},
         svg('svg', {width: 28, height: 8, 'aria-hidden': 'true'}, svg('path', {class: `s${i}`, d: 'M0 4H28'})),
-        `${tag.device} ${tag.name} ${value(readingOf(tag)?.[0])} ${tag.unit}`))),
+        `${tag.device} ${tag.name} ${value(readingOf(tag)?.[0], tag.labels)} ${tag.unit}`))),
       orders(chosen[chosen.length - 1]) ?? '']);
   }
 

@@ -20,11 +20,12 @@ export function bytes(count) {
   return `${at === 0 ? count : count.toPrecision(3)} ${units[at]}`;
 }
 
-export function value(of) {
+export function value(of, labels = {}) {
   if (of === null || of === undefined) return '–';
-  if (typeof of === 'boolean') return of ? 'on' : 'off';
-  if (Array.isArray(of)) return of.map(value).join(' ');
-  return String(of);
+  if (Array.isArray(of)) return of.map((element) => value(element, labels)).join(' ');
+  const text = typeof of === 'boolean' ? (of ? 'on' : 'off') : String(of);
+  const label = labels[Number(of)];
+  return label === undefined ? text : `${text} (${label})`;
 }
 
 export const ms = (number) => `${number.toFixed(number < 10 ? 1 : 0)} ms`;

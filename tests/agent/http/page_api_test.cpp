@@ -79,7 +79,8 @@ TEST_F(PageApiTest, ConfigHasLinksDevicesAndTagsAndNoSecret) {
   EXPECT_EQ(config["links"][0]["wire"], "serial  9600 7E1");
   const json& press = config["devices"][0];
   EXPECT_EQ(press["protocol"], "fx-programming-port");
-  EXPECT_EQ(press["groups"][0]["tags"][0], json::parse(R"(["temp","D100","int16","°C",0,"",1])"));
+  EXPECT_EQ(press["groups"][0]["tags"][0],
+            json::parse(R"(["temp","D100","int16","°C",0,"",1,{}])"));
   EXPECT_EQ(press["groups"][1]["tags"][0][0], "setpoint");
   EXPECT_EQ(press["groups"][1]["tags"][0][4], 1);
   EXPECT_EQ(ask("/api/config", {}, answer.etag).status, 304U);
@@ -100,6 +101,17 @@ TEST_F(PageApiTest, CommandsAfterTheLastThatAPageHas) {
   const json after = changes({{"commands", "4"}})["last_commands"];
   ASSERT_EQ(after.size(), 1U);
   EXPECT_EQ(after[0]["n"], 5);
+}
+
+TEST_F(PageApiTest, ATagHasTheLabelsOfItsValues) {
+  Config config = *status_.config;
+  config.devices[0].tags[0].units =
+      std::make_shared<const TagUnits>(TagUnits{.states = {{0, "stop"}, {-1, "jam"}}});
+  status_.config = std::make_shared<const Config>(config);
+  publish();
+  const json out = json::parse(*ask("/api/config").body);
+  EXPECT_EQ(out["devices"][0]["groups"][0]["tags"][0][7],
+            json::parse(R"({"0": "stop", "-1": "jam"})"));
 }
 
 TEST_F(PageApiTest, AVacantPlaceIsNull) {
