@@ -78,8 +78,9 @@ int run_record(const Config& config, const std::vector<std::string>& links) {
                   "sudo -u fxagent fxagent record");
   const auto agent = writer_of(directory);
   if (!agent)
-    return failed("no running agent records to " + directory +
-                  ": start the agent, and restart it if recorder.path is new");
+    return failed(
+        "no running agent records to " + directory +
+        ": start the agent. If it runs, restart it if recorder.path is new, or see its log");
   if (*agent <= 0)
     return failed("the agent that records to " + directory +
                   " runs in another container: send it SIGUSR2, as in docker kill -s USR2");
