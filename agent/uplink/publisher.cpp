@@ -211,7 +211,7 @@ void Publisher::take_relayed(RelayedCommand command, SteadyTime now) {
 // ---- connection ---------------------------------------------------------------------------------
 
 void Publisher::connection_began(SteadyTime now) {
-  subscriptions_.connection_began(now);
+  if (!shutdown_.has_begun()) subscriptions_.connection_began(now);
   retained_.connection_began();
   own_topics_.connection_began(now);
   status_.request_health(now);

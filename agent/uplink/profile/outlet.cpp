@@ -79,7 +79,10 @@ SteadyTime Outlet::step(SteadyTime now) {
   samples_.spool().waiting().upkeep(now, utc_ms_());
   if (store_ != nullptr) store_->take_found_late();
   samples_.spool().waiting().move_memory_to_disk();
-  if (!shutdown_.has_begun()) {
+  if (shutdown_.has_begun()) {
+    for (const auto& [filter, reason] : std::exchange(ungranted_, {}))
+      profile_.subscribed({filter, false, "the agent stops"});  // it awaits no answer any more
+  } else {
     session_.keep(now);
     subscribe(now);
     if (profile_.take_leave() && session_.is_connected()) {
@@ -172,7 +175,7 @@ void Outlet::connection_began(const Connected& connected, SteadyTime now) {
   for (const Subscription& each : profile_.subscriptions()) ungranted_[each.filter];
   subscribes_ = 0;
   subscribe_at_ = now;
-  subscribe(now);
+  if (!shutdown_.has_begun()) subscribe(now);
   profile_.connection_began(connected);
 }
 

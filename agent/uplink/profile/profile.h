@@ -37,8 +37,8 @@ class Profile : public SamplePayload {
   virtual std::vector<Subscription> subscriptions() const = 0;
   virtual void connection_began(const Connected& connected) = 0;
   virtual void connection_ended() = 0;
-  /// The broker has granted or refused one of the subscriptions, or has not answered for 1 s, which
-  /// counts as a refusal. The outlet repeats it until it is granted.
+  /// The broker has granted or refused one of the subscriptions. No answer within 1 s, or before a
+  /// stop, counts as a refusal. The outlet repeats it until it is granted.
   virtual void subscribed(const Subscribed& /*event*/) {}
   /// Processes a message on one of the subscriptions.
   virtual void hear(const Message& message) = 0;

@@ -447,6 +447,17 @@ TEST_F(PublisherTest, StopDoesNotSpinWhileAServerIsSilent) {
   bench.stop_without_spinning(20);
 }
 
+TEST_F(PublisherTest, ConnectionMadeDuringAStopSubscribesToNothing) {
+  bench.broker.reachable = bench.broker.answers = false;
+  bench.settle();
+  bench.made().stop(bench.now);
+  bench.broker.reachable = true;
+  bench.broker.connect(0, kReceiveMaximum);  // the attempt succeeds
+  bench.stop_without_spinning(10);
+  EXPECT_TRUE(bench.broker.filters.empty());
+  EXPECT_EQ(bench.last("/state")["reason"], "stopped");
+}
+
 TEST_F(PublisherTest, ThreadEndsAfterACleanStop) {
   bench.outbox.push(test::sample(1));
   Publisher& publisher = bench.made();

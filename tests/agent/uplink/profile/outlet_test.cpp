@@ -334,6 +334,33 @@ TEST_P(OutletTest, StopEndsTheSubscriptions) {
   EXPECT_TRUE(broker_.filters.empty()) << "messages would be acknowledged and not answered";
 }
 
+TEST_P(OutletTest, ConnectionMadeDuringAStopSubscribesToNothing) {
+  broker_.reachable = broker_.answers = false;
+  broker_.acknowledges_qos0 = true;
+  take(DeviceStatus::State::online);
+  settle(1s);
+  take(1.0);
+  outlet_->stop(now_);
+  broker_.reachable = true;
+  broker_.connect(0, kReceiveMaximum);  // the attempt succeeds
+  EXPECT_EQ(stop(), 0s);
+  EXPECT_EQ(subscribes(), 0);
+  EXPECT_EQ(outlet_->status().samples.acknowledged, 1U);
+  forget_marks();
+  EXPECT_EQ(broker_.log.back().topic, last_topic());
+}
+
+TEST_P(OutletTest, StopSendsLiveSamplesThoughNoSubscriptionIsConfirmed) {
+  broker_.confirms = false;
+  broker_.acknowledges_qos0 = true;
+  take(DeviceStatus::State::online);
+  settle();
+  ASSERT_TRUE(outlet_->status().connected);
+  take(1.0);
+  EXPECT_EQ(stop(), 0s);
+  EXPECT_EQ(outlet_->status().samples.acknowledged, 1U);
+}
+
 struct PlainOutletTest : OutletTest {};
 const std::string kTemp = "fx/plant-a/edge7/press1/temp";
 
