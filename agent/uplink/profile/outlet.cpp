@@ -17,6 +17,7 @@ namespace {
 
 constexpr std::size_t kMostResultBytes = std::size_t{4} << 20;  // that wait for the broker
 constexpr std::chrono::seconds kSubackWithin{1};
+constexpr int kSilenceIsSlow = 2;  // no answer counts as this many SUBSCRIBEs: the next waits 4 s
 constexpr std::chrono::seconds kLastSubscribe{60};
 
 }  // namespace
@@ -140,9 +141,12 @@ void Outlet::subscribe(SteadyTime now) {
   for (Subscription& each : profile_.subscriptions()) {
     const auto found = ungranted_.find(each.filter);
     if (found == ungranted_.end()) continue;
-    if (subscribes_ > 0 && found->second.empty())
+    if (subscribes_ == 0 || !found->second.empty()) {
+      broker_.subscribe(std::move(each));
+    } else {
       subscribed({each.filter, false, "the broker does not confirm the subscription"});
-    broker_.subscribe(std::move(each));
+      subscribes_ = std::max(subscribes_, kSilenceIsSlow);
+    }
   }
   subscribe_at_ =
       now + (subscribes_ == 0 ? kSubackWithin : backoff_.after(subscribes_, kLastSubscribe));
@@ -164,9 +168,7 @@ void Outlet::subscribed(const Subscribed& event) {
                {{"server", session_.server()},
                 {"filter", event.filter},
                 {"reason", reason},
-                {"note",
-                 "the agent subscribes again; see the broker's log, and its access rules: fxagent "
-                 "acl prints the right ones"}});
+                {"note", "the agent subscribes again; see the broker's log"}});
   }
 }
 

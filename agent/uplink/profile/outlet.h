@@ -114,7 +114,7 @@ class Outlet final : private Outgoing::Sender {
   // Subscriptions of this connection that the broker has not granted.
   std::map<std::string, std::string> ungranted_;  ///< logged reason by filter; empty: no answer yet
   SteadyTime subscribe_at_{};                     ///< time of the next SUBSCRIBE to these
-  int subscribes_ = 0;                            ///< number of times that they were sent
+  int subscribes_ = 0;                            ///< rounds so far; lengthen the pause
 };
 
 }  // namespace fxagent

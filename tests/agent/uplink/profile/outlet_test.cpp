@@ -327,6 +327,21 @@ TEST_P(OutletTest, SubscriptionThatIsNotConfirmedIsRepeatedUntilItIsGranted) {
   EXPECT_EQ(subscribes(), so_far);
 }
 
+TEST_P(OutletTest, SlowBrokerGetsEachSubscriptionOnce) {
+  broker_.confirms = false;
+  testing::internal::CaptureStderr();
+  settle(1s);
+  const auto each = subscribes();
+  settle(1s);
+  settle(3s);
+  for (const std::string& filter : broker_.filters) broker_.answer_subscription(filter, "");
+  for (int i = 0; i < 10; ++i) settle(20s);
+  EXPECT_EQ(subscribes(), each);
+  const std::string log = testing::internal::GetCapturedStderr();
+  test::expect_says(log, "subscription_granted");
+  EXPECT_EQ(log.find("access rules"), log.npos) << log;
+}
+
 TEST_P(OutletTest, StopEndsTheSubscriptions) {
   settle(1s);
   EXPECT_FALSE(broker_.filters.empty());
