@@ -123,7 +123,8 @@ class DirectLine final {
     if (is_compared) admission.plc_has(codec_of_plc_);
     auto decision = admission.admit(command, codec_, 0, std::chrono::steady_clock::now());
     if (auto* result = std::get_if<CommandResult>(&decision)) {
-      if (audit != nullptr) audit->refused(command, *result);
+      if (audit != nullptr && !audit->refused(command, *result))
+        std::cerr << "the refusal is not in the audit: " << audit->fault() << '\n';
       return std::move(*result);
     }
     if (audit != nullptr && !audit->admitted(command))

@@ -1,6 +1,7 @@
 #include "agent/commands/admission.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "agent/commands/parse/parse.h"
@@ -42,8 +43,14 @@ std::optional<double> stored(const TagConfig& tag, std::optional<double> limit) 
 /// Returns a refusal if an element to be written is outside the tag's min and max.
 std::optional<Refusal> check_limits(const TagConfig& tag, const Value& written) {
   const auto& [min, max, deadband] = tag.units->limits;
-  const auto least = stored(tag, min);
-  const auto most = stored(tag, max);
+  auto least = stored(tag, min);
+  auto most = stored(tag, max);
+  if (tag.point.scaled() && !is_float(tag.point.type)) {
+    // raw × scale + offset may differ from the limit in the last digit.
+    const double nearly_nothing = std::abs(tag.point.scale) * 1e-6;
+    if (least) *least -= nearly_nothing;
+    if (most) *most += nearly_nothing;
+  }
   for (const Scalar& item : written.items) {
     if (!number_of(item)) continue;
     const std::string what = spelled(item) + " would be written, ";
@@ -377,12 +384,14 @@ std::optional<Refusal> CommandAdmission::check_access(const Codec& codec, const 
   }
   if (!target.point.address.writable)
     return refuse(Reason::not_writable, std::string(target.point.address.text) + " is read only");
+  const auto writable = codec.addresses().check_write(span);
   if (target.tag_index && !device_->tags[*target.tag_index].writable)
     return refuse(Reason::not_writable,
-                  "the tag's access is read; with \"access\": \"read_write\" in the config, "
-                  "commands may write it");
-  if (const auto writable = codec.addresses().check_write(span); !writable)
-    return refuse(Reason::not_writable, writable.error().text);
+                  "the tag's access is read" +
+                      (writable ? "; with \"access\": \"read_write\" in the config, commands may "
+                                  "write it"
+                                : ", and " + writable.error().text));
+  if (!writable) return refuse(Reason::not_writable, writable.error().text);
   if (target.tag_index || allowed) return std::nullopt;
   return not_allowed();
 }
@@ -409,7 +418,7 @@ std::optional<Refusal> CommandAdmission::check_value(const Codec& codec, const C
   };
   if (!packed) {
     // The tag's own limit says more than the range of its type.
-    auto why = check_limits_of_tag(*value);
+    auto why = value->is_array ? std::nullopt : check_limits_of_tag(*value);
     return why ? why : refuse(Reason::out_of_range, packed.error().text);
   }
   const auto written = unpack(out.point, *packed, span_of(out.point)->first_bit);

@@ -18,7 +18,8 @@ CommandResult result_of(const Command& command) {
     TargetResult out;
     out.tag = target.tag;
     out.address = target.address;
-    out.value = is_force ? Value(Scalar(command.op == Op::force_on)) : target.value;
+    out.value = target.value;
+    if (is_force && !out.value) out.value = Value(Scalar(command.op == Op::force_on));
     result.targets.push_back(std::move(out));
   }
   return result;

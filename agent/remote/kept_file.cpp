@@ -122,8 +122,10 @@ void KeptFile::forget() {
 }
 
 bool KeptFile::forget_earlier_run() {
-  std::error_code fault;
-  if (!file_ || !exists(std::filesystem::symlink_status(file_->path(), fault))) return false;
+  if (!file_) return false;
+  std::error_code fault;  // of a file that may be there all the same
+  const auto status = std::filesystem::symlink_status(file_->path(), fault);
+  if (status.type() == std::filesystem::file_type::not_found) return false;
   // Do not touch the file of another agent that runs here.
   if (const std::string why = file_->lock(); !why.empty()) {
     log::warn("remote_config", {{"note", "a kept config was not removed"}, {"reason", why}});

@@ -74,7 +74,7 @@ void warn_of_unchecked_limits(ConfigReader& reader, const ConfigNode& allow,
   std::size_t count = 0;
   for (const TagConfig& tag : device.tags) {
     const auto span = span_of(tag.point);
-    if (!span || (!tag.units->limits.min && !tag.units->limits.max)) continue;
+    if (!span || !tag.writable || (!tag.units->limits.min && !tag.units->limits.max)) continue;
     const auto range = std::ranges::partition_point(ranges, [&](const Span& each) {
       return each.space < span->space ||
              (each.space == span->space && each.end_bit() <= span->first_bit);

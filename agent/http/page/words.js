@@ -24,7 +24,7 @@ export function value(of, labels = {}) {
   if (of === null || of === undefined) return '–';
   if (Array.isArray(of)) return of.map((element) => value(element, labels)).join(' ');
   const text = typeof of === 'boolean' ? (of ? 'on' : 'off') : String(of);
-  const label = labels[Number(of)];
+  const label = labels[typeof of === 'boolean' ? Number(of) : String(of)];
   return label === undefined ? text : `${text} (${label})`;
 }
 

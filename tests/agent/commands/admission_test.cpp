@@ -715,7 +715,8 @@ TEST_F(CommandAdmissionTest, TagThatIsReadOnlyIsSaidToBeThatWhateverElseIsWrong)
   alarms.targets[0] = {"alarms", "", std::nullopt, numbers({1})};
   const CommandResult result = answered(alarms);
   EXPECT_EQ(result.reason, Reason::not_writable);
-  test::expect_says(result.detail, "the tag's access is read");
+  EXPECT_EQ(result.detail.find("the tag's access is read, and "), 0U)
+      << result.detail << ": another access would not help";
 }
 
 TEST_F(CommandAdmissionTest, RunStopRelaysAreNeverWritten) {
@@ -844,6 +845,24 @@ TEST_F(CommandAdmissionTest, ScaledFloatMayBeEqualToItsLimit) {
   };
   for (const double value : {0.0, 100.0}) admit(with("at" + std::to_string(value), value));
   for (const double value : {-0.0001, 100.0001})
+    EXPECT_EQ(to_string(answered(with("beyond" + std::to_string(value), value)).reason),
+              "out_of_range");
+}
+
+// 27648 of the device is 250.00000000000003 with this scale and offset.
+TEST_F(CommandAdmissionTest, ScaledIntegerMayBeEqualToItsLimit) {
+  TagConfig press = writable(tag(*device.codec, "press", "D260"));
+  const double scale = 250.0 / (27648 - 5530);
+  ASSERT_TRUE(set_units(press.point, scale, -5530 * scale));
+  press.units = std::make_shared<const TagUnits>(TagUnits{.limits = {.min = 0.0, .max = 250.0}});
+  device.tags.push_back(press);
+  const auto with = [&](std::string id, double value) {
+    Command command = write(std::move(id), value);
+    command.targets[0].tag = "press";
+    return command;
+  };
+  for (const double value : {0.0, 250.0}) admit(with("at" + std::to_string(value), value));
+  for (const double value : {-scale, 250 + scale})
     EXPECT_EQ(to_string(answered(with("beyond" + std::to_string(value), value)).reason),
               "out_of_range");
 }

@@ -596,7 +596,7 @@ TEST(ConfigDevice, AllowListOverATagWithLimitsIsWarnedOf) {
   press["tags"] = nlohmann::json::parse(R"([
     {"name": "plain", "address": "D205"},
     {"name": "setpoint", "address": "D200", "scale": 0.1, "max": 100, "access": "read_write"},
-    {"name": "total", "address": "D209", "type": "int32", "min": 1},
+    {"name": "total", "address": "D209", "type": "int32", "min": 1, "access": "read_write"},
     {"name": "other", "address": "D220", "min": 1}])");
   press["commands"]["allow"] = {"M100-M199", "D200-D209"};
   EXPECT_TRUE(
@@ -607,7 +607,7 @@ TEST(ConfigDevice, AllowListOverATagWithLimitsIsWarnedOf) {
   press["commands"]["allow"] = {"D210-D219"};
   EXPECT_TRUE(warns(good(plant.dump()), {"D210 to D219 covers the tag total at D209: "}))
       << "a command may change half of its value";
-  for (const char* range : {"D201-D208", "D211-D219", "D221-D299", "M200-M210"}) {
+  for (const char* range : {"D201-D208", "D211-D219", "D220-D299", "M200-M210"}) {
     press["commands"]["allow"] = {range};
     EXPECT_FALSE(warns(good(plant.dump()), {" covers "})) << range;
   }
