@@ -94,6 +94,8 @@ CommandResult not_in_the_audit(const Command& command, std::string why) {
 
 // Longest time to open a link: that of a TCP connection.
 constexpr std::chrono::seconds kOpenWithin{5};
+// A device that did not answer, or whose answer was damaged, is asked again within this time.
+constexpr std::chrono::seconds kAskedAgainWithin{1};
 
 /// Admission and bus access for the first device of a config, without broker and journal.
 class DirectLine final {
@@ -114,11 +116,11 @@ class DirectLine final {
   /// Executes one command. `audit` records it; null: no record.
   CommandResult carry_out(Op op, const std::string& name, CommandTarget target,
                           CommandLineAudit* audit = nullptr) {
-    const Command command = command_for(op, name, device_, std::move(target));
-    const std::string& tag = command.targets.front().tag;
-    const bool is_unknown = !tag.empty() && tag_named(tag, device_) == nullptr;
+    const bool is_unknown =
+        tag_named(name, device_) == nullptr && is_meant_as_tag(name, device_.codec->addresses());
     const bool is_compared = op != Op::read && codec_->plc() != nullptr;
     if ((must_ask_model(*codec_) || is_compared) && !is_unknown) await_contact();
+    const Command command = command_for(op, name, device_, std::move(target));  // expires from now
     CommandAdmission admission(device_);
     if (is_compared) admission.plc_has(codec_of_plc_);
     auto decision = admission.admit(command, codec_, 0, std::chrono::steady_clock::now());
@@ -142,8 +144,11 @@ class DirectLine final {
   /// invalid answers has no state.
   void await_contact() {
     using Clock = std::chrono::steady_clock;
-    const auto until = Clock::now() + kOpenWithin + listening_ + 3 * device_.timeout;
-    while (!contacted_ && Clock::now() < until) take(until);
+    auto until = Clock::now() + kOpenWithin + listening_ + 3 * device_.timeout;
+    while (!is_alive_ && Clock::now() < until) {
+      take(until);
+      if (was_offline_) until = std::min(until, Clock::now() + kAskedAgainWithin);
+    }
   }
   /// Waits for messages of the field. States that arrive before the result carry the detected
   /// model.
@@ -151,7 +156,8 @@ class DirectLine final {
     outbox_.wait_until(until);
     auto batch = outbox_.take();
     for (const DeviceStatus& status : batch.states) {
-      if (status.reason != "starting") contacted_ = true;
+      is_alive_ |= status.is_alive();
+      was_offline_ |= !status.is_alive() && status.reason != "starting";
       if (status.codec && must_ask_model(*codec_)) codec_ = status.codec;
       codec_of_plc_ = status.codec_of_plc;
     }
@@ -164,7 +170,8 @@ class DirectLine final {
   Field field_;
   std::shared_ptr<const Codec> codec_;
   std::shared_ptr<const Codec> codec_of_plc_;  ///< DeviceStatus::codec_of_plc
-  bool contacted_ = false;
+  bool is_alive_ = false;
+  bool was_offline_ = false;  ///< after the start
   std::optional<CommandResult> result_;
 };
 

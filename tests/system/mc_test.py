@@ -126,6 +126,25 @@ class EveryFrame(McTest):
         status, out, _ = fxagent("force-on", path, "fx5", "Y7")
         self.assertEqual((status, self.sim.get("fx5", "Y7")), (0, 1), out)
 
+    def test_the_command_line_asks_again_if_an_answer_is_lost_or_damaged(self):
+        self.start_around([self.plc_of("fx5")])
+        limits = {"allow": ["Y0-Y1F"], "default_expiry_s": 1, "max_expiry_s": 1}
+        path = config_file(self.directory, [self.link_of("fx5")],
+                           [self.device_of("fx5", model="Q", timeout_ms=400, commands=limits)])
+        for kind in ("silent", "wrong_header"):
+            for match in ("read", "other"):  # the RUN state, the model
+                with self.subTest(kind, match=match):
+                    self.sim.fault("fx5", kind, match=match)
+                    status, out, _ = fxagent("force-on", path, "fx5", "Y10")
+                    self.assertEqual(status, 2, out)
+                    self.assertIn("REJECTED, bad_address: Y10 is Y20 on this PLC", out)
+            self.assertEqual(self.sim.struck(kind, "fx5"), 2)
+        self.assertEqual(self.sim.get("fx5", "Y20"), 0)
+        # The model of the config is used after three questions; the command expires from then on.
+        self.sim.fault("fx5", "silent", match="other", count=-1)
+        status, out, _ = fxagent("force-on", path, "fx5", "Y7")
+        self.assertEqual((status, self.sim.get("fx5", "Y7")), (0, 1), out)
+
     def test_a_hole_costs_the_tags_in_it_alone(self):
         names = ["fx3", "fx5", "iqr"]
         self.start_plant(names, **{name: {"holes": ["D101"]} for name in names})

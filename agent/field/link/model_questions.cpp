@@ -12,6 +12,9 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
+// Pause before a lost question about the model is repeated: noise may last a little.
+constexpr std::chrono::milliseconds kAskAgain{100};
+
 /// True if the device does not have what was asked.
 bool is_lack(RefusalMeaning meaning) {
   return meaning == RefusalMeaning::final || meaning == RefusalMeaning::hole;
@@ -41,7 +44,7 @@ asio::awaitable<void> ModelQuestions::run(LinkDevice& device, PollScheduler::Pol
         .extend_cycle(1 + questions, std::chrono::nanoseconds(0), Clock::now());
   }
   link_.scheduler.step_done(step);
-  if (!is_compared) state_.update(device);  // otherwise compare_model() does
+  if (!is_compared) end_question(device, step.group);  // otherwise compare_model() does
 }
 
 bool ModelQuestions::take_answer(LinkDevice& device, const PollScheduler::PollStep& step,
@@ -90,7 +93,7 @@ asio::awaitable<void> ModelQuestions::compare_model(LinkDevice& device,
   end_cycle();
   if (!is_answer) {
     device.state.model_unanswered();
-    co_return state_.update(device);
+    co_return end_question(device, step.group);
   }
   const auto model = plc.model_from(device.model_images);
   device.state.compare_model(model);
@@ -106,6 +109,14 @@ asio::awaitable<void> ModelQuestions::compare_model(LinkDevice& device,
   for (const auto& group : device.groups)
     group->cycle.compare(*device.codec, device.codec_of_plc.get());
   state_.update(device);
+}
+
+void ModelQuestions::end_question(LinkDevice& device, PollScheduler::GroupId group) {
+  const bool is_up = link_.bus.is_open() || link_.bus.channel().closed_after_silence();
+  const bool asks_again = is_up && device.groups.empty() && device.state.compares_model() &&
+                          !link_.scheduler.device(device.id).is_silent();
+  if (asks_again) link_.scheduler.group(group).read_at_once(Clock::now() + kAskAgain);
+  if (!asks_again || !device.state.has_answered()) state_.update(device);
 }
 
 asio::awaitable<Exchange> ModelQuestions::ask_of_model(LinkDevice& device,

@@ -47,6 +47,11 @@ class ModelQuestions final {
   /// Uses the codec of the model; nullopt: the answers do not identify it.
   Knowledge use_model(LinkDevice& device, const std::optional<std::string>& model);
 
+  /// Reports the state after a question. Nothing else asks a device without polls, as that of a
+  /// single command: if its model is not compared yet, it is asked again at once, and is not
+  /// reported as alive before.
+  void end_question(LinkDevice& device, PollScheduler::GroupId group);
+
   const LinkParts link_;
   LinkState& state_;
   GroupPlans& plans_;

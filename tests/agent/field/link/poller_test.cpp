@@ -6,6 +6,7 @@
 #include <asio/io_context.hpp>
 
 #include "agent/commands/result.h"
+#include "agent/line_time.h"
 #include "tests/agent/field/fake_port.h"
 #include "tests/agent/field/poller_plant.h"
 #include "tests/agent/field/port_frames.h"
@@ -264,6 +265,36 @@ TEST_F(PortPolls, TheFirstStateOfAPlcComesAfterItsModelIsCompared) {
   EXPECT_EQ(newest[0].state, State::online);
   EXPECT_NE(newest[0].codec_of_plc, nullptr) << "a command that waits for it would not be judged";
 }
+
+struct LostAnswers : PortPolls {
+  Bytes answer(ByteView request) override {
+    const bool is_lost = std::ranges::equal(request, losing) && lost > 0;
+    lost -= is_lost ? 1 : 0;
+    return is_lost ? Bytes{} : PortPolls::answer(request);
+  }
+  /// Expects that a device without polls is asked again soon, and only then has a state of a PLC
+  /// that answers.
+  void expect_asked_again(Bytes question) {
+    losing = std::move(question);
+    config.devices[0].tags.clear();
+    plc.set(kM8000, {0x01});
+    plc.set(kD8001, word(24310));  // FX2N
+    plc.set(kD8101, word(24310));
+    start();
+    poller->add_question(*devices[0]);
+    const SteadyTime began = now;
+    steps_until([&] { return newest.contains(0) && newest[0].is_alive(); });
+    EXPECT_EQ(lost, 0);
+    EXPECT_NE(newest[0].codec_of_plc, nullptr) << "a lost answer switches another output";
+    EXPECT_LT(now, began + kQuestionInterval);
+  }
+
+  Bytes losing;
+  int lost = 1;
+};
+
+TEST_F(LostAnswers, TheModelIsAskedForAgain) { expect_asked_again(read_frame(kD8001, 2)); }
+TEST_F(LostAnswers, TheFirstQuestionIsAskedAgain) { expect_asked_again(read_frame(kM8000, 1)); }
 
 // ---- a PLC without a configured model ----------------------------------------------------------
 
