@@ -107,8 +107,11 @@ void PollScheduler::had_valid(GroupId id) {
 }
 
 SteadyTime PollScheduler::read_at_once(DeviceId device, SteadyTime from) {
-  for (Group& group : groups_)
-    if (group.device == device && !group.gone) from += group.schedule.read_at_once(from);
+  for (Group& group : groups_) {
+    if (group.device != device || group.gone) continue;
+    group.rest.end();
+    from += group.schedule.read_at_once(from);
+  }
   return from;
 }
 
@@ -123,8 +126,11 @@ void PollScheduler::step_used(const PollStep& step, std::chrono::nanoseconds lin
 
 double PollScheduler::load() const {
   double load = 0;
-  for (const Group& group : groups_)
-    if (!group.gone && !devices_[group.device].polled.is_silent()) load += group.schedule.load();
+  for (const Group& group : groups_) {
+    const bool rests =
+        group.only_invalid >= kOnlyInvalid || devices_[group.device].polled.is_silent();
+    if (!group.gone && !rests) load += group.schedule.load();
+  }
   return load;
 }
 

@@ -88,6 +88,8 @@ class Rest final {
     delay_ = std::min(std::max(back_off.first, delay_ * 2), back_off.cap);
     until_ = now + delay_;
   }
+  /// Ends it. The next one is longer all the same.
+  void end() { until_ = {}; }
   /// Returns its end; a time that has passed if there is none.
   SteadyTime until() const { return until_; }
 
@@ -203,9 +205,14 @@ class PollScheduler final {
   /// Records a valid answer to a cycle of the group, or to a command: the group does not rest.
   void had_valid(GroupId group);
 
+  /// Returns when the group is polled next: when it is due, or when its own rest ends.
+  SteadyTime next_poll(GroupId id) const {
+    return std::max(groups_[id].schedule.next_due(), groups_[id].rest.until());
+  }
   /// Schedules one extra cycle at or soon after `from` for each group of the device that is not
-  /// being read. The intervals stay as they are. The cycles are spread so that half of the line is
-  /// left to others. Returns when those of another device may follow.
+  /// being read. The intervals stay as they are, and the rests of the groups end. The cycles are
+  /// spread so that half of the line is left to others. Returns when those of another device may
+  /// follow.
   SteadyTime read_at_once(DeviceId device, SteadyTime from);
   /// Ends the running cycles. Polls that were due before `now` are skipped, and do not count as
   /// missed. Groups are read again when they are next due.
@@ -216,8 +223,8 @@ class PollScheduler final {
   /// Records line time used by an exchange of a group. Also measures the line time of its cycles.
   void step_used(const PollStep& step, std::chrono::nanoseconds line_time);
   /// Returns the part of the line that the groups' intervals ask for, by the measured line time of
-  /// their cycles. Above 1 the line is overloaded. Groups without an interval and silent devices do
-  /// not count.
+  /// their cycles. Above 1 the line is overloaded. Groups without an interval, groups at rest and
+  /// silent devices do not count.
   double load() const;
 
  private:

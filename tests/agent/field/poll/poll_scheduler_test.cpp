@@ -317,6 +317,25 @@ TEST_F(PollSchedulerTest, GroupWithOnlyInvalidAnswersRestsAndTheOthersGoOn) {
   EXPECT_EQ(poll(scheduler, at(now + 100)), group) << "three in a row make it rest";
 }
 
+TEST_F(PollSchedulerTest, GroupAtRestTakesNoLoadAndIsReadAtOnceWithItsDevice) {
+  const auto group = scheduler.add_group(device, milliseconds(100), 1, at(0));
+  for (const int now : {0, 100, 200}) {
+    const auto job = scheduler.next(at(now));
+    ASSERT_EQ(job.kind, Kind::poll);
+    scheduler.step_used(job.poll, milliseconds(80));
+    EXPECT_GT(scheduler.step_done(job.poll) ? scheduler.load() : 0, 0.5);
+    scheduler.only_invalid(group, at(now));
+  }
+  EXPECT_EQ(scheduler.load(), 0);
+  EXPECT_EQ(scheduler.next_poll(group), at(1200));
+  scheduler.read_at_once(device, at(500));
+  EXPECT_EQ(poll(scheduler, at(500)), group);
+  scheduler.only_invalid(group, at(500));
+  EXPECT_EQ(scheduler.next_poll(group), at(2500)) << "the next rest is longer all the same";
+  scheduler.had_valid(group);
+  EXPECT_GT(scheduler.load(), 0.5);
+}
+
 TEST_F(PollSchedulerAlone, CommandsWithoutAnAnswerDoNotPutOffTheNextPoll) {
   const auto device = scheduler.add_device(1, kBackOff);
   scheduler.add_group(device, milliseconds(100), 1, at(0));
