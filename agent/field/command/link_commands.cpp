@@ -245,10 +245,7 @@ asio::awaitable<void> LinkCommands::run_next() {
   device.station.handshake_in = station.handshake_in;
   state_.opened();
   link_.scheduler.command_used(execution.exchanges().used(), Clock::now());
-  if (execution.exchanges().was_answered()) {
-    state_.answered(device);
-    for (const auto& group : device.groups) link_.scheduler.had_valid(group->id);
-  }
+  if (execution.exchanges().was_answered()) state_.answered(device);
   if (execution.exchanges().was_unanswered() && !execution.exchanges().was_answered())
     state_.unanswered(device, PolledDevice::AskedBy::command);
   result.bound = admitted.bound;

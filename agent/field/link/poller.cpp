@@ -254,9 +254,12 @@ void Poller::fail_cycle(LinkDevice& device, GroupPoll& group, BadReason why) {
 
 void Poller::finish_cycle(LinkDevice& device, GroupPoll& group) {
   ++device.collected;
+  if (group.answers == GroupPoll::Answers::valid) link_.scheduler.had_valid(group.id);
+  if (group.answers == GroupPoll::Answers::only_invalid)
+    link_.scheduler.only_invalid(group.id, Clock::now());
   auto message =
       group.cycle.finish(link_.bus.doubt().is_doubted(), link_.bus.doubt().findings(), utc_now_ms(),
-                         Clock::now(), link_.scheduler.group(group.id).next_due());
+                         Clock::now(), link_.scheduler.next_poll(group.id));
   for (const NoValue& none : group.cycle.take_no_values()) {
     const TagConfig& tag = device.config.tags[none.tag];
     log::warn("tag", {{"device", device.config.name},
@@ -269,9 +272,6 @@ void Poller::finish_cycle(LinkDevice& device, GroupPoll& group) {
     publish(device, std::move(*message));
   else
     ++device.suppressed;
-  if (group.answers == GroupPoll::Answers::valid) link_.scheduler.had_valid(group.id);
-  if (group.answers == GroupPoll::Answers::only_invalid)
-    link_.scheduler.only_invalid(group.id, Clock::now());
   state_.update(device);
   if (device.state.reported().state == DeviceStatus::State::online) device.logged_refusals.clear();
 }

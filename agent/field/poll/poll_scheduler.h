@@ -202,7 +202,7 @@ class PollScheduler final {
   /// Records a cycle of the group in which invalid answers closed the connection and none was
   /// valid. After three in a row, the group rests as a silent device does.
   void only_invalid(GroupId group, SteadyTime now);
-  /// Records a valid answer to a cycle of the group, or to a command: the group does not rest.
+  /// Records a valid answer to a cycle of the group: it does not rest.
   void had_valid(GroupId group);
 
   /// Returns when the group is polled next: when it is due, or when its own rest ends.

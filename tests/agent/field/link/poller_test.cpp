@@ -553,19 +553,27 @@ TEST_F(ModbusPolls, LongestPollIsThatOfTheSlowestPlan) {
 
 struct StrangerPolls : PollerTest {
   Bytes answer(ByteView) override { return Bytes(20, 0xFF); }
-  /// Expects that a device with these options of `mc-3e` rests after three polls.
-  void expect_rest(Options options) {
+  /// Adds a device with these options of `mc-3e`.
+  DeviceConfig& add(Options options) {
     config.links.push_back({"net", TcpSettings{"192.0.2.10", 5007}, nanoseconds(0)});
     DeviceConfig& device = config.devices.emplace_back();
     device = device_on("mc-3e", codec_of("mc-3e", std::move(options)));
     device.groups[0].interval = milliseconds(5);
     device.tags.push_back(tag(*device.codec, "temp", "D100"));
+    return device;
+  }
+  void step_on_open_bus() {
+    if (!bus->is_open()) run_on(io, bus->open());
+    step();
+  }
+  /// Expects that such a device rests after three polls.
+  void expect_rest(Options options) {
+    add(std::move(options));
     start();
     SteadyTime began;
     for (began = Clock::now(); telemetry.size() < 3; began = Clock::now()) {
       EXPECT_LT(scheduler.next(began).until, began + milliseconds(1000));
-      if (!bus->is_open()) run_on(io, bus->open());
-      step();
+      step_on_open_bus();
     }
     EXPECT_GE(scheduler.next(began).until, began + milliseconds(900));
   }
@@ -573,6 +581,16 @@ struct StrangerPolls : PollerTest {
 
 TEST_F(StrangerPolls, ItsPollsRest) { expect_rest({{"model", std::string("FX5U")}}); }
 TEST_F(StrangerPolls, ItsPollsRestIfItIsAskedForItsModel) { expect_rest({}); }
+
+TEST_F(StrangerPolls, ARestDoesNotPutOffASampleBeyondMaxSilent) {
+  GroupConfig& group = add({{"model", std::string("FX5U")}}).groups[0];
+  group.on_change = true;
+  group.max_silent = std::chrono::minutes(10);
+  start();
+  scheduler.device(devices[0]->id).set_back_off({hours(1), hours(1)});
+  for (int i = 0; i < 100 && devices[0]->collected < 3; ++i) step_on_open_bus();
+  EXPECT_EQ(telemetry.size(), 2U) << "the change, and the last one before the rest";
+}
 
 }  // namespace
 }  // namespace fxagent::test
