@@ -151,7 +151,8 @@ std::string cure_of(BadReason reason) {
     case BadReason::nak:
       return "the device refuses to read it: is the address right, and does this model have it?";
     case BadReason::unsupported:
-      return "this protocol cannot read it from this model";
+      return "this protocol cannot read it from this model, or the place has another name on this "
+             "PLC: is the model right?";
     case BadReason::bad_value:
       return "the bytes are not a value of its type: are the address and the type right?";
     case BadReason::bad_frame:

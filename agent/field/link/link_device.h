@@ -50,7 +50,7 @@ struct GroupPoll {
   /// Reads of the running cycle that were refused for a missing place, and their line time.
   std::uint32_t refusals = 0;
   std::chrono::nanoseconds refused_time{0};
-  /// Answers of the running cycle. Those are invalid that closed the connection.
+  /// Answers of the running cycle. One counts as invalid only if it closed the connection.
   enum class Answers : std::uint8_t { none, only_invalid, valid } answers = Answers::none;
 };
 

@@ -40,7 +40,8 @@ std::string text_of(const TagConfig& tag, BadReason why) {
        "the device refuses to read it, for a reason in the log; does the device have the address?",
        "its last answers were damaged; look for noise, a wrong parity or a second master",
        "the line was lost during its last read",
-       "the model lacks the address, or is not known yet; set model, or correct the address",
+       "the model lacks the address, or is not known yet, or the place has another name on this "
+       "PLC; set or correct model, or correct the address",
        "its bytes are no valid value of its type; correct type or word_order"});
   static_assert(kTexts.size() == static_cast<std::size_t>(BadReason::bad_value) + 1);
   return "tag " + std::string(tag.name) + " at " + std::string(tag.point.address.text) + ": " +

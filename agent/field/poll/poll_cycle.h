@@ -101,7 +101,7 @@ class PollCycle final {
   std::vector<NoValue> no_values_;
   std::unordered_map<std::uint32_t, SteadyTime> none_at_;  ///< tag → when it last held no value
   std::unordered_set<std::uint32_t> odd_orders_;  ///< tags found with a likelier word order
-  std::unordered_set<std::uint32_t> renamed_;     ///< tags with another place on the PLC
+  std::unordered_set<std::uint32_t> renamed_;     ///< tags with another name on the PLC
   std::uint32_t replies_ = 0;
   SteadyTime first_reply_{};
   SteadyTime last_reply_{};

@@ -188,10 +188,10 @@ class PollScheduler final {
   /// Returns the job to run now, or the time to wait for. Changes state: the cycle of a poll with
   /// `starts_cycle` has begun. The same exchange is offered again until step_done() or the end of
   /// the cycle. Waiting commands come first, except for the polls' share; then the due group with
-  /// the earliest deadline that does not rest, nor its device. A running cycle goes on with its
-  /// next exchange by the same rule. A late cycle does not move the later ones: missed intervals
-  /// are skipped and counted, never sent in a burst. If the groups ask for more than the whole
-  /// line, all intervals are stretched by the same factor.
+  /// the earliest deadline, unless it or its device rests. A running cycle goes on with its next
+  /// exchange by the same rule. A late cycle does not move the later ones: missed intervals are
+  /// skipped and counted, never sent in a burst. If the groups ask for more than the whole line,
+  /// all intervals are stretched by the same factor.
   Job next(SteadyTime now);
 
   /// Records that the step was carried out. True: the cycle has ended.
@@ -200,15 +200,16 @@ class PollScheduler final {
   }
 
   /// Records a cycle of the group in which invalid answers closed the connection and none was
-  /// valid. After three in a row, the group rests as a silent device does.
+  /// valid. After three in a row, the group rests as a silent device does. Cycles without
+  /// any answer between them do not reset the count.
   void only_invalid(GroupId group, SteadyTime now);
   /// Records a valid answer to a cycle of the group: it does not rest.
   void had_valid(GroupId group);
-
   /// Returns when the group is polled next: when it is due, or when its own rest ends.
   SteadyTime next_poll(GroupId id) const {
     return std::max(groups_[id].schedule.next_due(), groups_[id].rest.until());
   }
+
   /// Schedules one extra cycle at or soon after `from` for each group of the device that is not
   /// being read. The intervals stay as they are, and the rests of the groups end. The cycles are
   /// spread so that half of the line is left to others. Returns when those of another device may
