@@ -50,6 +50,8 @@ const char* unicode_of(std::string_view bytes) {
 bool is_unicode(std::string_view bytes) { return unicode_of(bytes) != nullptr; }
 
 tl::expected<std::string, std::string> to_utf8(std::string_view bytes, const char* legacy) {
+  constexpr std::string_view kMark = "\xEF\xBB\xBF";
+  if (bytes.starts_with(kMark)) bytes.remove_prefix(kMark.size());
   const char* unicode = unicode_of(bytes);
   const char* encoding = unicode != nullptr ? unicode : legacy;
   const iconv_t converter = iconv_open("UTF-8", encoding);
@@ -60,7 +62,6 @@ tl::expected<std::string, std::string> to_utf8(std::string_view bytes, const cha
   std::string out;
   if (!convert(converter, bytes, out) || !is_utf8(out))
     return tl::unexpected("is neither UTF-8 nor " + std::string(encoding));
-  constexpr std::string_view kMark = "\xEF\xBB\xBF";
   if (unicode != nullptr && out.starts_with(kMark)) out.erase(0, kMark.size());
   return out;
 }

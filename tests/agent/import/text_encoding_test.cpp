@@ -39,6 +39,14 @@ TEST(TextEncoding, ShiftJisAndLatin) {
             "°C");
 }
 
+TEST(TextEncoding, AMarkIsNoTextInALegacyEncoding) {
+  EXPECT_EQ(utf8("\xEF\xBB\xBF"
+                 "20 \xB0"
+                 "C",
+                 "WINDOWS-1252"),
+            "20 °C");
+}
+
 TEST(TextEncoding, OnlyUnicodeIsCertain) {
   EXPECT_TRUE(is_unicode("\xC3\x96l"));
   EXPECT_TRUE(is_unicode("X\0001\000\t\000A\000"s));
