@@ -1,7 +1,6 @@
 #include "agent/import/imported.h"
 
 #include <algorithm>
-#include <array>
 #include <charconv>
 #include <cmath>
 #include <ranges>
@@ -20,7 +19,6 @@ namespace fxagent {
 namespace {
 
 using Kind = ConfigNode::Kind;
-using std::string_view_literals::operator""sv;
 
 constexpr std::size_t kLongestName = 64;
 constexpr std::int64_t kLongestInterval = config_key("devices[].groups[].interval_ms").limits.max;
@@ -56,13 +54,6 @@ std::optional<std::size_t> take_index(std::string_view& pointer, std::string_vie
   return number;
 }
 
-/// Returns the indexes of device and tag in an error's place: "/devices/0/tags/3/address".
-std::optional<std::pair<std::size_t, std::size_t>> tag_of(std::string_view pointer) {
-  const auto device = take_index(pointer, "/devices/");
-  const auto tag = take_index(pointer, "/tags/");
-  return device && tag ? std::optional(std::pair(*device, *tag)) : std::nullopt;
-}
-
 /// Returns "timeout_ms" for "/timeout_ms"; empty if the pointer is not a direct key of the object.
 std::string_view key_in(std::string_view pointer) {
   const std::string_view key = pointer.starts_with('/') ? pointer.substr(1) : std::string_view();
@@ -77,34 +68,52 @@ std::optional<int> port_number(std::string_view port) {
   return number && *number > 0 && *number < kPorts ? number : std::nullopt;
 }
 
+/// Indexes of a device and of one of its tags.
+using TagIndexes = std::pair<std::size_t, std::size_t>;
+
+struct TagFault {
+  std::string key;  ///< "address", "states/5"; empty: the tag as a whole
+  std::string text;
+};
+
+/// Returns the errors of each tag, except of tags that are part of the device's keys.
+std::map<TagIndexes, std::vector<TagFault>> faults_of_tags(const Imported& imported,
+                                                           const std::vector<ConfigError>& errors) {
+  std::map<TagIndexes, std::vector<TagFault>> faults;
+  for (const ConfigError& error : errors) {
+    std::string_view pointer = error.pointer;
+    const auto device = take_index(pointer, "/devices/");
+    const auto tag = take_index(pointer, "/tags/");
+    if (!device || !tag || *tag >= imported.devices[*device].tags.size()) continue;
+    if (pointer.starts_with('/')) pointer.remove_prefix(1);
+    faults[{*device, *tag}].push_back({std::string(pointer), error.text});
+  }
+  return faults;
+}
+
 /// Removes the tags that have errors, or only their access or description if the errors are there.
 /// Returns false if there was nothing to remove.
 bool drop_refused(Imported& imported, const std::vector<ConfigError>& errors) {
-  std::map<std::pair<std::size_t, std::size_t>, std::vector<const ConfigError*>> refused;
-  for (const ConfigError& error : errors) {
-    const auto place = tag_of(error.pointer);
-    // Ignore errors within tags that are part of the device's keys.
-    if (place && place->second < imported.devices[place->first].tags.size())
-      refused[*place].push_back(&error);
-  }
-  for (const auto& [place, reasons] : std::views::reverse(refused)) {
+  const auto refused = faults_of_tags(imported, errors);
+  for (const auto& [place, faults] : std::views::reverse(refused)) {
     auto& tags = imported.devices[place.first].tags;
     const auto tag = tags.begin() + static_cast<std::ptrdiff_t>(place.second);
-    std::string text = dumped(JsonObject(text_at(tag->keys, "name")));
-    for (const ConfigError* error : reasons)
-      text += (error == reasons.front() ? ": " : "; ") +
-              error->pointer.substr(error->pointer.rfind('/') + 1) + ": " + error->text;
-    const auto all_of_key = [&](std::string_view key) {
-      return std::ranges::all_of(
-          reasons, [&](const ConfigError* error) { return error->pointer.ends_with(key); });
-    };
     // These keys do not affect the values.
-    constexpr std::array kSpared{"access"sv, "description"sv};
-    const auto spared = std::ranges::find_if(
-        kSpared, [&](std::string_view key) { return all_of_key("/" + std::string(key)); });
-    if (spared != kSpared.end()) {
-      imported.note(tag->line, "not imported: the " + std::string(*spared) + " of " + text);
-      tag->keys.erase(std::string(*spared));
+    const std::string key = faults.front().key;
+    const bool is_spared =
+        (key == "access" || key == "description") &&
+        std::ranges::all_of(faults, [&](const TagFault& fault) { return fault.key == key; });
+    std::string text = dumped(JsonObject(text_at(tag->keys, "name")));
+    std::string_view separator = ": ";
+    for (const TagFault& fault : faults) {
+      text += separator;
+      if (!is_spared && !fault.key.empty()) text += fault.key + ": ";
+      text += fault.text;
+      separator = "; ";
+    }
+    if (is_spared) {
+      imported.note(tag->line, "not imported: the " + key + " of " + text);
+      tag->keys.erase(key);
       tag->is_changed = true;
     } else {
       imported.leave_out(tag->line, text);

@@ -212,6 +212,18 @@ TEST(TagCsv, EveryFaultOfARowIsTold) {
   EXPECT_EQ(made.left_out, 1U);
 }
 
+TEST(TagCsv, AFaultNamesItsKeyOnce) {
+  const Made made = made_of(
+      "device,name,address,type,states,access\n"
+      "d,a,D0,string,,\n"
+      "d,b,D1,,\"{\"\"5\"\": 5}\",\n"
+      "d,c,D2,,,rw\n",
+      import_tag_csv);
+  expect_note(made, {"2: left out: \"a\": \"length\" is missing"});
+  expect_note(made, {"3: left out: \"b\": states/5: must be"});
+  expect_note(made, {"4: not imported: the access of \"c\": must be"});
+}
+
 TEST(TagCsv, NamesAreMadeValid) {
   const Made made =
       made_of("device,name,address\nd,Flow,D0\nd,Motor 1,D1\ne,Flow,D2\n", import_tag_csv);
