@@ -76,7 +76,8 @@ struct TagFault {
   std::string text;
 };
 
-/// Returns the errors of each tag, except of tags that are part of the device's keys.
+/// Returns the errors of each tag, except of tags that are part of the device's keys, and of names
+/// that name_tags() will change.
 std::map<TagIndexes, std::vector<TagFault>> faults_of_tags(const Imported& imported,
                                                            const std::vector<ConfigError>& errors) {
   std::map<TagIndexes, std::vector<TagFault>> faults;
@@ -85,6 +86,7 @@ std::map<TagIndexes, std::vector<TagFault>> faults_of_tags(const Imported& impor
     const auto device = take_index(pointer, "/devices/");
     const auto tag = take_index(pointer, "/tags/");
     if (!device || !tag || *tag >= imported.devices[*device].tags.size()) continue;
+    if (imported.has_raw_names && pointer == "/name") continue;
     if (pointer.starts_with('/')) pointer.remove_prefix(1);
     faults[{*device, *tag}].push_back({std::string(pointer), error.text});
   }
@@ -121,6 +123,27 @@ bool drop_refused(Imported& imported, const std::vector<ConfigError>& errors) {
     }
   }
   return !refused.empty();
+}
+
+/// Makes the names of all tags valid and unique in their device. Valid names stay: others are made
+/// from what is left.
+void name_tags(Imported& imported) {
+  imported.has_raw_names = false;
+  for (ImportedDevice& device : imported.devices) {
+    NameMaker names(NameMaker::Source::name);
+    std::vector<ImportedTag*> others;
+    for (ImportedTag& tag : device.tags) {
+      const std::string name = text_at(tag.keys, "name");
+      // A placeholder such as {n} is part of a valid name.
+      if (name.empty() || name.find('{') != name.npos) continue;
+      if (!is_name(name) || !names.reserve(name)) others.push_back(&tag);
+    }
+    for (ImportedTag* tag : others) {
+      const std::size_t before = imported.notes.size();
+      tag->keys["name"] = names.make(text_at(tag->keys, "name"), "tag", tag->line, imported.notes);
+      tag->is_changed = tag->is_changed || imported.notes.size() > before;
+    }
+  }
 }
 
 /// Removes a wrong setting from a link's `serial`, except the port.
@@ -370,6 +393,11 @@ ImportOutcome finish(Imported imported) {
     }
     if (drop_refused(imported, config.error())) continue;
     if (drop_one_setting(imported, config.error())) continue;
+    // The names of tags that are left out are free by now.
+    if (imported.has_raw_names) {
+      name_tags(imported);
+      continue;
+    }
     for (const ConfigError& error : config.error())
       imported.note(0, error.pointer + ": " + error.text);
     break;

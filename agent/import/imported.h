@@ -53,7 +53,8 @@ struct Imported {
   std::vector<JsonObject> links;
   std::vector<ImportedDevice> devices;
   std::vector<ImportNote> notes;
-  std::size_t left_out = 0;  ///< tags of the file that no device contains
+  std::size_t left_out = 0;    ///< tags of the file that no device contains
+  bool has_raw_names = false;  ///< finish() makes valid, unique names of the tags' names
 
   void note(int line, std::string text) { notes.push_back({line, std::move(text)}); }
   /// Records a tag of the file that was not converted, with the reason.
@@ -107,6 +108,8 @@ class NameMaker {
   /// too long or differs from `wanted` as `Source` says.
   std::string make(std::string_view wanted, std::string_view fallback, int line,
                    std::vector<ImportNote>& notes);
+  /// Keeps a valid name from use by make(). Returns false if it is already used.
+  bool reserve(const std::string& name) { return taken_.insert(name).second; }
 
  private:
   Source source_;

@@ -111,7 +111,6 @@ class TagCsvReader {
   std::size_t group_column_ = 0;
   bool is_whole_ = false;                       ///< the file has rows that define the devices
   std::map<std::string, std::size_t> devices_;  ///< name to index in out_.devices
-  std::map<std::string, NameMaker> names_;      ///< of the tags of each device
   std::set<std::pair<std::string, std::string>> groups_;  ///< created for devices without a row
 };
 
@@ -186,14 +185,6 @@ void TagCsvReader::take_tag(const CsvRow& row) {
   const std::string group(row.at(group_column_));
   if (!device.may_be_empty && !group.empty() && groups_.emplace(name, group).second)
     device.groups.push_back(JsonObject::object({{"name", group}}));
-  // A placeholder such as {n} is part of a valid name.
-  const std::string wanted(text_at(tag.keys, "name"));
-  if (!wanted.empty() && wanted.find('{') == wanted.npos) {
-    const std::size_t before = out_.notes.size();
-    tag.keys["name"] = names_.try_emplace(name, NameMaker::Source::name)
-                           .first->second.make(wanted, "tag", row.line, out_.notes);
-    tag.is_changed = out_.notes.size() > before;
-  }
   device.tags.push_back(std::move(tag));
 }
 
@@ -209,6 +200,7 @@ ImportResult TagCsvReader::read(const std::vector<CsvRow>& rows) {
     if (row.at(0).starts_with('#')) take_section(row);
   for (std::size_t i = 1; i < rows.size(); ++i)
     if (!rows[i].at(0).starts_with('#')) take_tag(rows[i]);
+  out_.has_raw_names = true;
   return std::move(out_);
 }
 

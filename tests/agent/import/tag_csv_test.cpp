@@ -234,6 +234,27 @@ TEST(TagCsv, NamesAreMadeValid) {
   expect_note(made, {"3: \"Motor 1\" is named motor_1"});
 }
 
+TEST(TagCsv, AValidNameIsNotLostToAnotherRow) {
+  const Made made = made_of(
+      "device,name,address,type,scale\n"
+      "d,Flow,D0,,\n"
+      "d,flow,D1,,\n"
+      "d,x,D2,,\"0,1\"\n"
+      "d,x,D3,,\n"
+      "d,x,D4,,\n"
+      "d,Y,D5,flot,\n"
+      "d,Y,P0,,\n"
+      "d,Y,D6,,\n",
+      import_tag_csv);
+  std::map<std::string, std::string> names;
+  for (const json& tag : made.config["devices"][0]["tags"]) names[tag["address"]] = tag["name"];
+  EXPECT_EQ(names, (std::map<std::string, std::string>{
+                       {"D0", "flow_2"}, {"D1", "flow"}, {"D3", "x"}, {"D4", "x_2"}, {"D6", "y"}}));
+  expect_note(made, {"2: \"Flow\" is named flow_2: the name was already used"});
+  expect_note(made, {"7: left out: \"Y\": type: must be"});
+  EXPECT_EQ(made.changed, 2U);
+}
+
 TEST(TagCsv, BrokenJsonIsTold) {
   const Made made = made_of("device,name,address\nd,a,D0\n#store,{\n", import_tag_csv);
   expect_note(made, {"3: left out", "not JSON"});
