@@ -114,7 +114,8 @@ bool drop_refused(Imported& imported, const std::vector<ConfigError>& errors) {
       separator = "; ";
     }
     if (is_spared) {
-      imported.note(tag->line, "not imported: the " + key + " of " + text);
+      text.insert(0, "not imported: the " + key + " of ");
+      imported.note(tag->line, std::move(text));
       tag->keys.erase(key);
       tag->is_changed = true;
     } else {
