@@ -4,6 +4,7 @@
 #include <charconv>
 #include <cmath>
 #include <ranges>
+#include <utility>
 
 #include "agent/config/json/pretty.h"
 #include "agent/config/keys.h"
