@@ -146,8 +146,9 @@ class DirectLine final {
     using Clock = std::chrono::steady_clock;
     auto until = Clock::now() + kOpenWithin + listening_ + 3 * device_.timeout;
     while (!is_alive_ && Clock::now() < until) {
+      if (was_offline_)
+        until = std::min(until, Clock::now() + kAskedAgainWithin + 2 * device_.timeout);
       take(until);
-      if (was_offline_) until = std::min(until, Clock::now() + kAskedAgainWithin);
     }
   }
   /// Waits for messages of the field. States that arrive before the result carry the detected

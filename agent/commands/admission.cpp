@@ -47,7 +47,7 @@ std::optional<Refusal> check_limits(const TagConfig& tag, const Value& written) 
   auto most = stored(tag, max);
   if (tag.point.scaled() && !is_float(tag.point.type)) {
     // raw × scale + offset may differ from the limit in the last digit.
-    const double nearly_nothing = std::abs(tag.point.scale) * 1e-6;
+    const double nearly_nothing = std::abs(tag.point.scale) * 1e-5;
     if (least) *least -= nearly_nothing;
     if (most) *most += nearly_nothing;
   }
@@ -417,7 +417,8 @@ std::optional<Refusal> CommandAdmission::check_value(const Codec& codec, const C
     return out.tag_index ? check_limits(device_->tags[*out.tag_index], written) : std::nullopt;
   };
   if (!packed) {
-    // The tag's own limit says more than the range of its type.
+    // The tag's own limit says more than the range of its type, which names the element of an
+    // array.
     auto why = value->is_array ? std::nullopt : check_limits_of_tag(*value);
     return why ? why : refuse(Reason::out_of_range, packed.error().text);
   }

@@ -82,6 +82,7 @@ struct LinkDevice {
   std::vector<std::unique_ptr<GroupPoll>> groups;
   std::optional<PollScheduler::GroupId> question_group;
   std::vector<Bytes> model_images;  ///< answers so far to the questions of compare_model()
+  int asked_again = 0;              ///< times that ModelQuestions has asked again at once
   /// Earliest time of its next PollScheduler::read_at_once().
   SteadyTime at_once_from{};
   std::uint64_t seq = 0;

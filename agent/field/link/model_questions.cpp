@@ -14,6 +14,7 @@ using Clock = std::chrono::steady_clock;
 
 // Pause before a lost question about the model is repeated: noise may last a little.
 constexpr std::chrono::milliseconds kAskAgain{100};
+constexpr int kMostAskedAgain = 2;
 
 /// True if the device does not have what was asked.
 bool is_lack(RefusalMeaning meaning) {
@@ -114,7 +115,7 @@ asio::awaitable<void> ModelQuestions::compare_model(LinkDevice& device,
 void ModelQuestions::end_question(LinkDevice& device, PollScheduler::GroupId group) {
   const bool is_up = link_.bus.is_open() || link_.bus.channel().closed_after_silence();
   const bool asks_again = is_up && device.groups.empty() && device.state.compares_model() &&
-                          !link_.scheduler.device(device.id).is_silent();
+                          device.asked_again++ < kMostAskedAgain;
   if (asks_again) link_.scheduler.group(group).read_at_once(Clock::now() + kAskAgain);
   if (!asks_again || !device.state.has_answered()) state_.update(device);
 }

@@ -48,8 +48,8 @@ class ModelQuestions final {
   Knowledge use_model(LinkDevice& device, const std::optional<std::string>& model);
 
   /// Reports the state after a question. Nothing else asks a device without polls, as that of a
-  /// single command: if its model is not compared yet, it is asked again at once, and is not
-  /// reported as alive before.
+  /// single command: if its model is not compared yet, it is asked again at once, twice at most,
+  /// and is not reported as alive before.
   void end_question(LinkDevice& device, PollScheduler::GroupId group);
 
   const LinkParts link_;

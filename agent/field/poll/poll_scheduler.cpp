@@ -109,7 +109,7 @@ void PollScheduler::had_valid(GroupId id) {
 SteadyTime PollScheduler::read_at_once(DeviceId device, SteadyTime from) {
   for (Group& group : groups_) {
     if (group.device != device || group.gone) continue;
-    group.rest.end();
+    group.rest.end(from);
     from += group.schedule.read_at_once(from);
   }
   return from;

@@ -88,8 +88,8 @@ class Rest final {
     delay_ = std::min(std::max(back_off.first, delay_ * 2), back_off.cap);
     until_ = now + delay_;
   }
-  /// Ends it. The next one is longer all the same.
-  void end() { until_ = {}; }
+  /// Ends it at `at`, if it lasts longer. The next one is longer all the same.
+  void end(SteadyTime at) { until_ = std::min(until_, at); }
   /// Returns its end; a time that has passed if there is none.
   SteadyTime until() const { return until_; }
 

@@ -82,7 +82,8 @@ SteadyTime Outlet::step(SteadyTime now) {
   samples_.spool().waiting().move_memory_to_disk();
   if (shutdown_.has_begun()) {
     for (const auto& [filter, reason] : std::exchange(ungranted_, {}))
-      profile_.subscribed({filter, false, "the agent stops"});  // it awaits no answer any more
+      if (reason.empty())  // no answer is awaited any more
+        profile_.subscribed({filter, false, "the agent stops"});
   } else {
     session_.keep(now);
     subscribe(now);
