@@ -270,7 +270,7 @@ struct LostAnswers : PortPolls {
   Bytes answer(ByteView request) override {
     const bool is_lost = std::ranges::equal(request, losing) && lost > 0;
     lost -= is_lost ? 1 : 0;
-    return is_lost ? Bytes{} : PortPolls::answer(request);
+    return is_lost ? instead : PortPolls::answer(request);
   }
   /// Expects that a device without polls is asked again soon, and only then has a state of a PLC
   /// that answers.
@@ -291,10 +291,25 @@ struct LostAnswers : PortPolls {
 
   Bytes losing;
   int lost = 1;
+  Bytes instead;  ///< what arrives in place of the answer
 };
 
 TEST_F(LostAnswers, TheModelIsAskedForAgain) { expect_asked_again(read_frame(kD8001, 2)); }
 TEST_F(LostAnswers, TheFirstQuestionIsAskedAgain) { expect_asked_again(read_frame(kM8000, 1)); }
+
+TEST_F(LostAnswers, NoiseInEveryAnswerIsNotAskedForWithoutEnd) {
+  losing = read_frame(kM8000, 1);
+  constexpr int kEnough = 1000;
+  lost = kEnough;
+  instead = {0x02, 0x30, 0x31, 0x03, 0x30, 0x30};  // the sum would be 64
+  config.devices[0].tags.clear();
+  start();
+  poller->add_question(*devices[0]);
+  const SteadyTime began = now;
+  steps_until([&] { return now >= began + kQuestionInterval - milliseconds(100); });
+  const int retries = 1 + config.devices[0].retries;
+  EXPECT_LE(kEnough - lost, 3 * retries);
+}
 
 // ---- a PLC without a configured model ----------------------------------------------------------
 
