@@ -58,12 +58,12 @@ class Ports(unittest.TestCase):
 
 # An agent that works until its end and then prints a last line.
 VICTIM = f"""#!{sys.executable}
-import signal, sys
+import os, signal, sys
 def end(*_):
-    print(%r, file=sys.stderr, flush=True)
+    os.write(2, b"%s\\n")
     sys.exit(%d)
 signal.signal(signal.SIGTERM, end)
-print("started", file=sys.stderr, flush=True)
+os.write(2, b"started\\n")  # print() may not be called again while it is interrupted
 while True:
     signal.pause()
 """
