@@ -44,6 +44,12 @@ struct CommandAdmissionTest : ::testing::Test {
     return stamped(
         command_of(std::move(id), Op::write, {{"setpoint", "", std::nullopt, real(value)}}));
   }
+  /// The same to another tag.
+  Command write_to(const std::string& tag, std::string id, double value) {
+    Command command = write(std::move(id), value);
+    command.targets[0].tag = tag;
+    return command;
+  }
   Command stamped(Command command) const {
     command.received = now;
     command.received_ms = kStartMs + (now - kStart) / milliseconds(1);
@@ -838,14 +844,10 @@ TEST_F(CommandAdmissionTest, ScaledFloatMayBeEqualToItsLimit) {
   ASSERT_TRUE(set_units(oil.point, 1.8, 32));
   oil.units = std::make_shared<const TagUnits>(TagUnits{.limits = {.min = 0.0, .max = 100.0}});
   device.tags.push_back(oil);
-  const auto with = [&](std::string id, double value) {
-    Command command = write(std::move(id), value);
-    command.targets[0].tag = "oil";
-    return command;
-  };
-  for (const double value : {0.0, 100.0}) admit(with("at" + std::to_string(value), value));
+  for (const double value : {0.0, 100.0})
+    admit(write_to("oil", "at" + std::to_string(value), value));
   for (const double value : {-0.0001, 100.0001})
-    EXPECT_EQ(to_string(answered(with("beyond" + std::to_string(value), value)).reason),
+    EXPECT_EQ(to_string(answered(write_to("oil", "beyond" + std::to_string(value), value)).reason),
               "out_of_range");
 }
 
@@ -856,15 +858,12 @@ TEST_F(CommandAdmissionTest, ScaledIntegerMayBeEqualToItsLimit) {
   ASSERT_TRUE(set_units(press.point, scale, -5530 * scale));
   press.units = std::make_shared<const TagUnits>(TagUnits{.limits = {.min = 0.0, .max = 250.0}});
   device.tags.push_back(press);
-  const auto with = [&](std::string id, double value) {
-    Command command = write(std::move(id), value);
-    command.targets[0].tag = "press";
-    return command;
-  };
-  for (const double value : {0.0, 250.0}) admit(with("at" + std::to_string(value), value));
+  for (const double value : {0.0, 250.0})
+    admit(write_to("press", "at" + std::to_string(value), value));
   for (const double value : {-scale, 250 + scale})
-    EXPECT_EQ(to_string(answered(with("beyond" + std::to_string(value), value)).reason),
-              "out_of_range");
+    EXPECT_EQ(
+        to_string(answered(write_to("press", "beyond" + std::to_string(value), value)).reason),
+        "out_of_range");
 }
 
 TEST_F(CommandAdmissionTest, LimitsOf64BitsAreComparedExactly) {

@@ -37,6 +37,15 @@ struct PortPolls : PollerTest {
     device.tags.push_back(tag(*device.codec, std::move(name), address));
   }
   Bytes answer(ByteView request) override { return plc.answer(request); }
+  /// Starts without polls, as for a single command, on a PLC that is an FX2N.
+  void ask_another_model() {
+    config.devices[0].tags.clear();
+    plc.set(kM8000, {0x01});
+    plc.set(kD8001, word(24310));
+    plc.set(kD8101, word(24310));
+    start();
+    poller->add_question(*devices[0]);
+  }
 
   FakePort plc;
 };
@@ -255,12 +264,7 @@ TEST_F(PortPolls, PlcOfAnotherModelThanTheConfigsIsLoggedAndToldOnce) {
 }
 
 TEST_F(PortPolls, TheFirstStateOfAPlcComesAfterItsModelIsCompared) {
-  config.devices[0].tags.clear();
-  plc.set(kM8000, {0x01});
-  plc.set(kD8001, word(24310));  // FX2N
-  plc.set(kD8101, word(24310));
-  start();
-  poller->add_question(*devices[0]);
+  ask_another_model();
   steps_until([&] { return newest.contains(0); });
   EXPECT_EQ(newest[0].state, State::online);
   EXPECT_NE(newest[0].codec_of_plc, nullptr) << "a command that waits for it would not be judged";
@@ -276,12 +280,7 @@ struct LostAnswers : PortPolls {
   /// that answers.
   void expect_asked_again(Bytes question) {
     losing = std::move(question);
-    config.devices[0].tags.clear();
-    plc.set(kM8000, {0x01});
-    plc.set(kD8001, word(24310));  // FX2N
-    plc.set(kD8101, word(24310));
-    start();
-    poller->add_question(*devices[0]);
+    ask_another_model();
     const SteadyTime began = now;
     steps_until([&] { return newest.contains(0) && newest[0].is_alive(); });
     EXPECT_EQ(lost, 0);
