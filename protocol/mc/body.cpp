@@ -12,7 +12,7 @@ constexpr std::uint32_t kLongCodes = 2;  // bit of the subcommand
 
 std::optional<std::uint32_t> number_at(Code code, ByteView wire, std::size_t at,
                                        std::size_t bytes) {
-  return number_in(form_of(code), wire.subspan(at, wire_size(code, bytes)));
+  return number_in(form_of(code), wire.subspan(wire_size(code, at), wire_size(code, bytes)));
 }
 
 void append_number(Code code, Bytes& out, std::uint32_t value, std::size_t bytes) {

@@ -20,8 +20,9 @@ constexpr NumberForm form_of(Code code) {
   return code == Code::ascii ? NumberForm::digits : NumberForm::low_first;
 }
 
-/// Returns the number of `bytes` bytes at `at` of `wire`, which must contain it: low byte first, or
-/// as digits, highest first. nullopt: not digits.
+/// Returns the number of `bytes` bytes from byte `at` on, both counted in binary code, whatever the
+/// code of `wire` is: low byte first, or as digits, highest first. `wire` must contain it. nullopt:
+/// not digits.
 std::optional<std::uint32_t> number_at(Code code, ByteView wire, std::size_t at, std::size_t bytes);
 
 /// Appends `value` in the form that number_at() reads.

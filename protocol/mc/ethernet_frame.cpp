@@ -1,6 +1,6 @@
 #include "protocol/mc/ethernet_frame.h"
 
-#include <array>
+#include <optional>
 
 #include "protocol/mc/body.h"
 
@@ -20,29 +20,18 @@ constexpr std::size_t kLongest = 8192;
 constexpr std::size_t header_size(bool numbered) { return numbered ? kHeader4E : kHeader3E; }
 
 struct Subheader {
-  std::array<std::uint8_t, 2> bytes;
-  bool request;
-  bool numbered;
+  bool is_request;
+  bool is_numbered;
 };
-constexpr std::array<Subheader, 4> kSubheaders = {{{{0x50, 0}, true, false},
-                                                   {{0xD0, 0}, false, false},
-                                                   {{0x54, 0}, true, true},
-                                                   {{0xD4, 0}, false, true}}};
-
-/// Returns the subheader at the start of `bytes` if it is in this code. Requires at least four
-/// bytes.
-const Subheader* subheader_in(Code code, ByteView bytes) {
-  std::array<std::uint8_t, 2> found{bytes[0], bytes[1]};
-  if (code == Code::ascii) {
-    for (std::size_t i = 0; i < 2; ++i) {
-      const auto value = number_at(Code::ascii, bytes, 2 * i, 1);
-      if (!value) return nullptr;
-      found[i] = static_cast<std::uint8_t>(*value);
-    }
-  }
-  for (const Subheader& known : kSubheaders)
-    if (known.bytes == found) return &known;
-  return nullptr;
+/// Returns the subheader at the start of `bytes` if it is in this code: 50 00 of 3E or 54 00 of 4E,
+/// in an answer D0 00 or D4 00. `bytes` must hold two bytes of this code.
+std::optional<Subheader> subheader_in(Code code, ByteView bytes) {
+  constexpr std::uint32_t kAnswer = 0x80;
+  constexpr std::uint32_t kNumbered = 0x04;
+  const auto first = number_at(code, bytes, 0, 1);
+  const bool is_known = first && (*first & ~(kAnswer | kNumbered)) == 0x50;
+  if (!is_known || number_at(code, bytes, 1, 1) != 0U) return std::nullopt;
+  return Subheader{(*first & kAnswer) == 0, (*first & kNumbered) != 0};
 }
 
 EthernetFrame wrong(ByteView rx, std::string error) {
@@ -52,19 +41,18 @@ EthernetFrame wrong(ByteView rx, std::string error) {
 /// Describes the bytes that stand in place of the expected subheader.
 std::string why_foreign(bool numbered, Code code, ByteView bytes) {
   const std::string ours = numbered ? "4E" : "3E";
-  const Subheader* same_code = subheader_in(code, bytes);
-  if (same_code != nullptr)
-    return std::string("a ") + (same_code->numbered ? "4E" : "3E") + " frame instead of " + ours +
-           ": the protocol is mc-" + (same_code->numbered ? "4e" : "3e");
+  if (const auto other = subheader_in(code, bytes))
+    return std::string("a ") + (other->is_numbered ? "4E" : "3E") + " frame instead of " + ours +
+           ": the protocol is mc-" + (other->is_numbered ? "4e" : "3e");
   if (bytes.size() >= 4) {
     const bool ascii = code == Code::ascii;
-    if (subheader_in(ascii ? Code::binary : Code::ascii, bytes) != nullptr)
+    if (subheader_in(ascii ? Code::binary : Code::ascii, bytes))
       return std::string("an answer in ") + (ascii ? "binary" : "ASCII") +
              " code: set `code` to that of the port (Communication Data Code)";
   }
   // A 1E port answers an unknown command 50 with 50 + 80h and end code 50.
   const auto first = number_at(code, bytes, 0, 1);
-  const auto second = number_at(code, bytes, wire_size(code, 1), 1);
+  const auto second = number_at(code, bytes, 1, 1);
   if (first && second && (*first == 0xD0 || *first == 0xD4) && *second == 0x50)
     return "an answer in a 1E frame: set protocol to mc-1e";
   return "subheader " + to_hex(bytes.first(std::min<std::size_t>(bytes.size(), 4))) +
@@ -75,7 +63,7 @@ std::string why_foreign(bool numbered, Code code, ByteView bytes) {
 
 Route route_in(Code code, ByteView wire) {
   const auto number = [&](std::size_t at, std::size_t bytes) {
-    return number_at(code, wire, wire_size(code, at), bytes).value_or(0);
+    return number_at(code, wire, at, bytes).value_or(0);
   };
   Route route;
   route.network = static_cast<std::uint8_t>(number(0, 1));
@@ -123,23 +111,21 @@ EthernetFrame ethernet_frame(bool numbered, Code code, ByteView rx, std::size_t 
   const ByteView bytes = rx.subspan(at);
   // Four bytes distinguish ASCII from binary. A 1E answer in binary has only two.
   if (bytes.size() < wire_size(code, 2)) return {};
-  const Subheader* subheader =
-      code == Code::binary || bytes.size() >= 4 ? subheader_in(code, bytes) : nullptr;
-  if (subheader == nullptr && code == Code::binary && bytes.size() < 4 && bytes[1] != 0x50)
+  const auto subheader = subheader_in(code, bytes);
+  if (!subheader && bytes.size() < 4 && bytes[1] != 0x50)
     return {};  // two more bytes may identify it
-  if (subheader == nullptr || subheader->numbered != numbered)
+  if (!subheader || subheader->is_numbered != numbered)
     return wrong(rx, why_foreign(numbered, code, bytes));
   const std::size_t header = wire_size(code, header_size(numbered));
   if (bytes.size() < header) return {};
   if (code == Code::ascii && !is_hex(bytes.first(header)))
     return wrong(rx, "the header " + to_hex(bytes.first(header)) + " is not hex digits");
   EthernetFrame frame;
-  frame.is_request = subheader->request;
-  if (numbered)
-    frame.serial = static_cast<std::uint16_t>(*number_at(code, bytes, wire_size(code, 2), kSerial));
-  const std::size_t behind = header - wire_size(code, kLength);
-  const std::size_t route = wire_size(code, kRoute);
-  frame.route = route_in(code, bytes.subspan(behind - route, route));
+  frame.is_request = subheader->is_request;
+  if (numbered) frame.serial = static_cast<std::uint16_t>(*number_at(code, bytes, 2, kSerial));
+  const std::size_t behind = header_size(numbered) - kLength;
+  frame.route =
+      route_in(code, bytes.subspan(wire_size(code, behind - kRoute), wire_size(code, kRoute)));
   const std::size_t length = *number_at(code, bytes, behind, kLength);
   if (length < wire_size(code, kEndCode) || length > wire_size(code, kLongest))
     return wrong(rx, "length " + std::to_string(length) +

@@ -32,17 +32,14 @@ Explanation& check_direction(Explanation& out, std::optional<Direction> asked) {
 
 /// Shows which station refused which command, if the answer contains that.
 void show_error_information(Explanation& out, Code code, ByteView rest) {
-  const std::size_t route = wire_size(code, 5);
   const std::size_t whole = wire_size(code, 9);
   if (rest.size() < whole) {
     if (!rest.empty()) field(out, "part of the error information", to_hex(rest));
     return;
   }
   const auto number = [&](std::size_t at) { return number_at(code, rest, at, 2).value_or(0); };
-  field(out, "refused by", to_string(route_in(code, rest.first(route))));
-  field(out, "refused command",
-        hex_text(number(route), 4) + ", subcommand " +
-            hex_text(number(route + wire_size(code, 2)), 4));
+  field(out, "refused by", to_string(route_in(code, rest.first(wire_size(code, 5)))));
+  field(out, "refused command", hex_text(number(5), 4) + ", subcommand " + hex_text(number(7), 4));
   if (rest.size() > whole) field(out, "more", to_hex(rest.subspan(whole)));
 }
 
@@ -126,7 +123,7 @@ class SerialExplainer final {
     frame_field_ = out_.fields.size();
     out_.format = static_cast<std::uint32_t>(format.front() - '0');
     field(out_, "frame", std::string(is_4c ? "4C" : "3C") + " in format " + std::string(format));
-    field(out_, "station", std::to_string(*number_at(code, head, wire_size(code, 1), 1)));
+    field(out_, "station", std::to_string(*number_at(code, head, 1, 1)));
     show_route(out_, route_in(code, way));
     return true;
   }

@@ -150,15 +150,14 @@ Result<Reply> reply_in(const Dialect& dialect, const Request& request, ByteView 
   if (*end_code == 0) return data_reply(dialect, request, rest);
   // The refusing station may differ from the addressed one. The refused command must not differ.
   if (rest.size() >= wire_size(code, kErrorInformation)) {
-    const std::size_t at = wire_size(code, kErrorRoute);
-    const auto refused = number_at(code, rest, at, kCommand);
+    const auto refused = number_at(code, rest, kErrorRoute, kCommand);
     const auto message = encode_message(dialect, request);
     if (!message) return fail(message);
     const auto asked = number_at(code, *message, 0, kCommand);
     if (refused != asked)
-      return garbled(
-          end_code_text(static_cast<std::uint16_t>(*end_code), dialect.series()) +
-          ", for another command: " + to_hex(rest.subspan(at, wire_size(code, kCommand))));
+      return garbled(end_code_text(static_cast<std::uint16_t>(*end_code), dialect.series()) +
+                     ", for another command: " +
+                     to_hex(rest.subspan(wire_size(code, kErrorRoute), wire_size(code, kCommand))));
   }
   return refusal(static_cast<std::uint16_t>(*end_code), dialect.series());
 }
