@@ -34,12 +34,13 @@ bool is_later(const Read& part) {
   return part.gather == kBlockRead ? width_of(part.span.space) == 1 : words_of(part) == 2;
 }
 
-/// Calls `visit` with the index of every part in the order of the frame.
-template <class Visit>
-void for_each_part(const Gather& gather, Visit visit) {
+/// Returns the indices of all parts in the order of the frame.
+std::vector<std::size_t> frame_order(const Gather& gather) {
+  std::vector<std::size_t> order;
   for (const bool later : {false, true})
     for (std::size_t i = 0; i < gather.parts.size(); ++i)
-      if (is_later(gather.parts[i]) == later) visit(i);
+      if (is_later(gather.parts[i]) == later) order.push_back(i);
+  return order;
 }
 
 Result<void> check_gather(const Dialect& dialect, const Gather& gather) {
@@ -72,10 +73,6 @@ void cut(const Write& part, std::vector<Write>& words, std::vector<Write>& dword
   }
 }
 
-bool is_whole_words(const Span& span) {
-  return span.bits % 16 == 0 && !is_contact(static_cast<Space>(span.space));
-}
-
 Result<Bytes> encode_bits(const Dialect& dialect, const Scatter& scatter, bool long_codes,
                           std::uint32_t bits) {
   Body body(dialect, long_codes, id(Command::random_write), kBits);
@@ -98,11 +95,11 @@ Result<Bytes> encode_gather(const Dialect& dialect, const Gather& gather) {
   const auto later = static_cast<std::uint32_t>(std::ranges::count_if(gather.parts, is_later));
   body.number(static_cast<std::uint32_t>(gather.parts.size()) - later, 1);
   body.number(later, 1);
-  for_each_part(gather, [&](std::size_t i) {
+  for (const std::size_t i : frame_order(gather)) {
     const Read& part = gather.parts[i];
     body.device(part.span.space, part.span.first_bit);
     if (blocks) body.number(words_of(part), 2);
-  });
+  }
   return body.take();
 }
 
@@ -115,21 +112,17 @@ std::size_t gather_size(const Dialect& dialect, const Gather& gather) {
 /// Returns the image of a Gather reply (request.h), part after part.
 Result<Bytes> decode_gather(const Dialect& dialect, const Gather& gather, ByteView data) {
   std::vector<Bytes> images(gather.parts.size());
-  std::optional<Error> error;
   std::size_t at = 0;
   const bool blocks = is_block_read(gather);
-  for_each_part(gather, [&](std::size_t i) {
+  for (const std::size_t i : frame_order(gather)) {
     const std::size_t words = words_of(gather.parts[i]);
     const std::size_t size = wire_size(dialect.code, 2 * words);
     // A double word has its high digits first. Its low word is in the first device.
     auto image = image_in(dialect.code, data.subspan(at, size), blocks ? 2 : 2 * words);
+    if (!image) return image;
     at += size;
-    if (image)
-      images[i] = std::move(*image);
-    else
-      error = image.error();
-  });
-  if (error) return tl::make_unexpected(*error);
+    images[i] = std::move(*image);
+  }
   Bytes image;
   for (const Bytes& part : images) image.insert(image.end(), part.begin(), part.end());
   return image;
@@ -149,7 +142,7 @@ Result<Bytes> encode_scatter(const Dialect& dialect, const Scatter& scatter) {
     flags |= part.way;
     bits += part.span.bits;
     all_bits &= width_of(part.span.space) == 1;
-    all_words &= is_whole_words(part.span);
+    all_words &= is_words(part.span, 1);
   }
   const bool long_codes = has_long_codes(dialect, flags);
   const Limits limits = limits_of(dialect, long_codes);
@@ -206,7 +199,7 @@ Result<Bytes> encode_write(const Dialect& dialect, const Write& write) {
     return refuse(device_name(dialect.model, span) + ": " + why);
   if (width == 32) return encode_scatter(dialect, {{write}});
   const Limits limits = limits_of(dialect, long_codes);
-  const bool by_bits = width == 1 && !is_whole_words(span);
+  const bool by_bits = !is_words(span, 1);
   const std::uint32_t unit = by_bits ? 1 : 16;
   const std::uint32_t points = span.bits / unit;
   const std::uint32_t most = by_bits ? limits.bits : limits.words;
