@@ -16,6 +16,45 @@ constexpr std::uint32_t kRandomBits = 188;
 
 }  // namespace
 
+Result<Dialect> dialect_from(Frame frame, const Options& options) {
+  Dialect dialect;
+  dialect.frame = frame;
+  if (const auto* name = option<std::string>(options, "model"); name && *name != kAutoModel) {
+    const auto of_model = with_model(dialect, *name);
+    if (!of_model)
+      return refuse("model '" + *name + "' has no " + (frame == Frame::e1 ? "1E" : "such") +
+                    " frames" + (with_model({Frame::e1}, *name) ? ": use mc-1e" : ""));
+    dialect = *of_model;
+  }
+  Route& route = dialect.route;
+  take_option(route.network, options, "network", 0, 0xFF);
+  take_option(route.pc, options, "pc", 0, 0xFF);
+  take_option(route.module_io, options, "module_io", 0, 0xFFFF);
+  take_option(route.module_station, options, "module_station", 0, 0xFF);
+  take_option(dialect.station, options, "station", 0, 31);
+  take_option(dialect.format, options, "format", 1, frame == Frame::c4 ? 5 : 4);
+  take_option(dialect.max_block_bytes, options, "max_block_bytes", 2, dialect.max_block_bytes);
+  std::uint32_t timer = dialect.timer * kTimerStepMs;
+  take_option(timer, options, "monitoring_timer_ms", kTimerStepMs, 60000);
+  if (timer % kTimerStepMs != 0) return refuse("monitoring_timer_ms must be a multiple of 250");
+  dialect.timer = timer / kTimerStepMs;
+  take_option(dialect.sum_check, options, "sum_check");
+  if (const auto* word = option<std::string>(options, "code"))
+    dialect.code = *word == "ascii" ? Code::ascii : Code::binary;
+  return dialect;
+}
+
+std::optional<Dialect> with_model(Dialect dialect, std::string_view model) {
+  const auto known = model_named(model);
+  if (!known) return std::nullopt;
+  const Series series = series_of(*known);
+  const bool has_frame =
+      dialect.frame == Frame::e1 ? series == Series::fx3 || series == Series::q_l : !is_fx(*known);
+  if (!has_frame) return std::nullopt;
+  dialect.model = *known;
+  return dialect;
+}
+
 bool has_long_codes(const Dialect& dialect, std::uint8_t way) {
   return dialect.series() == Series::iq_r && (way & kPlainCodes) == 0;
 }

@@ -4,10 +4,13 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
+#include <string_view>
 #include <vector>
 
 #include "protocol/codec.h"
 #include "protocol/mc/device.h"
+#include "protocol/options.h"
 
 namespace fxagent::mc {
 
@@ -33,7 +36,7 @@ struct Dialect {
   Model model = Model::unknown;
   Code code = Code::binary;  ///< Mc derives that of 3C and 4C from the format
   Route route{};             ///< that of a 3C frame ends with the PC number
-  std::uint32_t timer = 16;  ///< 1E, 3E and 4E: monitoring timer in units of 250 ms
+  std::uint32_t timer = 16;  ///< 1E, 3E and 4E: monitoring timer in kTimerStepMs, 1 or more
   std::uint8_t station = 0;  ///< 1C, 3C and 4C, as the next two
   std::uint32_t format = 1;
   bool sum_check = true;
@@ -43,6 +46,15 @@ struct Dialect {
 
   Series series() const { return series_of(model); }
 };
+/// Unit of Dialect::timer.
+inline constexpr std::uint32_t kTimerStepMs = 250;
+
+/// Returns a dialect of 1E, 3E, 4E, 3C or 4C from the config's options; the others keep their
+/// defaults. Error: bad_request if `monitoring_timer_ms` is not a multiple of 250, or if the model
+/// has no such frame.
+Result<Dialect> dialect_from(Frame frame, const Options& options);
+/// Returns `dialect` for another model. nullopt: no such model has this frame.
+std::optional<Dialect> with_model(Dialect dialect, std::string_view model);
 
 // Read::way.
 inline constexpr std::uint8_t kBitWay = 0;     ///< 0401 by bits

@@ -63,7 +63,8 @@ Explanation explain_ethernet(bool numbered, Model model, ByteView bytes,
   if (!first) return wrong(out, "what follows the length is not hex digits");
   const ByteView rest = frame.content.subspan(wire_size(code, 2));
   if (frame.is_request) {
-    field(out, "monitoring timer", *first == 0 ? "for ever" : std::to_string(*first * 250) + " ms");
+    field(out, "monitoring timer",
+          *first == 0 ? "for ever" : std::to_string(*first * kTimerStepMs) + " ms");
     explain_request(model, code, rest, out);
   } else if (*first != 0) {
     explain_refusal(model, static_cast<std::uint16_t>(*first), out);

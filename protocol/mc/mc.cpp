@@ -12,7 +12,6 @@ namespace {
 constexpr std::size_t kErrorRoute = 5;  // before the command in the error information
 constexpr std::size_t kCommand = 2;
 constexpr std::size_t kErrorInformation = kErrorRoute + 2 * kCommand;
-constexpr std::uint32_t kTimerStep = 250;  // ms
 // No answer is longer, and the bus receives no more.
 constexpr std::size_t kMostSearched = 8192;
 
@@ -62,31 +61,9 @@ bool depends_on_base(const Request& request) {
 }  // namespace
 
 Result<std::shared_ptr<const Codec>> Mc::make(Frame frame, const Options& options) {
-  Settings settings;
-  settings.frame = frame;
-  if (const auto* name = option<std::string>(options, "model"); name && *name != kAutoModel) {
-    const auto known = model_named(*name);
-    if (!known || is_fx(*known))
-      return refuse("no model '" + *name + "' with this frame" +
-                    (known && series_of(*known) == Series::fx3 ? "; for an FX3 use mc-1e" : ""));
-    settings.model = *known;
-  }
-  Route& route = settings.route;
-  take_option(route.network, options, "network", 0, 0xFF);
-  take_option(route.pc, options, "pc", 0, 0xFF);
-  take_option(route.module_io, options, "module_io", 0, 0xFFFF);
-  take_option(route.module_station, options, "module_station", 0, 0xFF);
-  take_option(settings.station, options, "station", 0, 31);
-  take_option(settings.format, options, "format", 1, frame == Frame::c4 ? 5 : 4);
-  take_option(settings.max_block_bytes, options, "max_block_bytes", 2, settings.max_block_bytes);
-  std::uint32_t timer = settings.timer * kTimerStep;
-  take_option(timer, options, "monitoring_timer_ms", kTimerStep, 60000);
-  if (timer % kTimerStep != 0) return refuse("monitoring_timer_ms must be a multiple of 250");
-  settings.timer = timer / kTimerStep;
-  take_option(settings.sum_check, options, "sum_check");
-  if (const auto* word = option<std::string>(options, "code"))
-    settings.code = *word == "ascii" ? Code::ascii : Code::binary;
-  return std::make_shared<const Mc>(settings);
+  const auto settings = dialect_from(frame, options);
+  if (!settings) return fail(settings);
+  return std::make_shared<const Mc>(*settings);
 }
 
 // ---- addresses and ranges ----------------------------------------------------------------------
@@ -251,7 +228,7 @@ LineLength Mc::line_length(const Request& request) const {
 // ---- time, recovery and refusals ----------------------------------------------------------------
 
 std::chrono::milliseconds Mc::gives_up_after() const {
-  if (!is_serial(settings_.frame)) return std::chrono::milliseconds(settings_.timer * kTimerStep);
+  if (!is_serial(settings_.frame)) return std::chrono::milliseconds(settings_.timer * kTimerStepMs);
   // A module waits only for other stations. Its own CPU answers at once or not at all.
   const bool is_own = settings_.route == Route{};
   return is_own ? std::chrono::milliseconds(0) : kResponseMonitoring;
@@ -327,11 +304,8 @@ std::optional<std::string> Mc::model_from(const std::vector<Bytes>& images) cons
 }
 
 std::shared_ptr<const Codec> Mc::with_model(std::string_view model) const {
-  const auto known = model_named(model);
-  if (!known || is_fx(*known)) return nullptr;
-  Settings settings = settings_;
-  settings.model = *known;
-  return std::make_shared<const Mc>(settings);
+  const auto settings = mc::with_model(settings_, model);
+  return settings ? std::make_shared<const Mc>(*settings) : nullptr;
 }
 
 // SH-080483 (Q, L), SH-081264 (iQ-R) and JY997D55401 (FX5): the tables of SM and SD. An FX5 also

@@ -13,7 +13,6 @@
 #include "protocol/mc/dialect.h"
 #include "protocol/mc/ethernet_frame.h"
 #include "protocol/mc/serial_frame.h"
-#include "protocol/options.h"
 #include "protocol/plc.h"
 
 namespace fxagent::mc {
@@ -26,8 +25,7 @@ class Mc final : public Codec, public AddressSpace, public PlcServices {
     if (is_serial(settings.frame))
       settings_.code = settings.format == 5 ? Code::binary : Code::ascii;
   }
-  /// Creates a codec from the config's options. Error: bad_request if `monitoring_timer_ms` is not
-  /// a multiple of 250, or if the model has no such frame.
+  /// Creates a codec from the config's options. Errors as dialect_from().
   static Result<std::shared_ptr<const Codec>> make(Frame frame, const Options& options);
 
   // AddressSpace

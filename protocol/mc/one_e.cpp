@@ -24,8 +24,6 @@ constexpr std::uint32_t kRandomWords = 10;
 /// Words of a bit device begin at a multiple of this.
 constexpr std::uint32_t kAlign = 16;
 
-constexpr std::uint32_t kMonitoringUnitMs = 250;
-
 /// Command and end code of an answer.
 constexpr std::size_t kAnswerHead = 2;
 
@@ -122,22 +120,9 @@ std::string_view likely_mistake(Code data_code, std::uint8_t first) {
 }  // namespace
 
 Result<std::shared_ptr<const Codec>> OneE::make(const Options& options) {
-  Settings settings;
-  if (const auto* name = option<std::string>(options, "model"); name && *name != kAutoModel) {
-    const auto known = model_named(*name);
-    if (!known || (!is_fx3(*known) && series_of(*known) != Series::q_l))
-      return refuse("model '" + *name + "' has no 1E frames");
-    settings.model = *known;
-  }
-  if (const auto* word = option<std::string>(options, "code"))
-    settings.code = *word == "ascii" ? Code::ascii : Code::binary;
-  take_option(settings.route.pc, options, "pc", 0, 255);
-  std::uint32_t timer = settings.timer * kMonitoringUnitMs;
-  take_option(timer, options, "monitoring_timer_ms", kMonitoringUnitMs, 0xFFFF * kMonitoringUnitMs);
-  if (timer % kMonitoringUnitMs != 0)
-    return refuse("monitoring_timer_ms must be a multiple of 250");
-  settings.timer = timer / kMonitoringUnitMs;
-  return std::make_shared<const OneE>(settings);
+  const auto settings = dialect_from(Frame::e1, options);
+  if (!settings) return fail(settings);
+  return std::make_shared<const OneE>(*settings);
 }
 
 // ---- addresses and ranges ----------------------------------------------------------------------
@@ -462,7 +447,7 @@ LineLength OneE::line_length(const Request& request) const {
 }
 
 std::chrono::milliseconds OneE::gives_up_after() const {
-  return std::chrono::milliseconds(settings_.timer * kMonitoringUnitMs);
+  return std::chrono::milliseconds(settings_.timer * kTimerStepMs);
 }
 
 std::optional<Request> OneE::probe(std::uint32_t number) const {
@@ -489,11 +474,8 @@ std::optional<std::string> OneE::model_from(const std::vector<Bytes>& images) co
 }
 
 std::shared_ptr<const Codec> OneE::with_model(std::string_view model) const {
-  const auto known = model_named(model);
-  if (!known || (!is_fx3(*known) && series_of(*known) != Series::q_l)) return nullptr;
-  Settings settings = settings_;
-  settings.model = *known;
-  return std::make_shared<const OneE>(settings);
+  const auto settings = mc::with_model(settings_, model);
+  return settings ? std::make_shared<const OneE>(*settings) : nullptr;
 }
 
 SpecialDevices OneE::special_devices() const {

@@ -15,7 +15,6 @@
 
 #include "protocol/codec.h"
 #include "protocol/mc/dialect.h"
-#include "protocol/options.h"
 #include "protocol/plc.h"
 
 namespace fxagent::mc {
@@ -24,14 +23,13 @@ namespace fxagent::mc {
 class OneE final : public Codec, public AddressSpace, public PlcServices {
  public:
   /// Model (unknown, FX3, Q or L), code, PC number of the route, and timer of the module for an
-  /// answer of the PLC, 1 or more: 0 would wait forever.
+  /// answer of the PLC: 0 would wait forever.
   using Settings = Dialect;
   explicit OneE(const Settings& settings) : settings_(settings) {
     settings_.frame = Frame::e1;
     settings_.model = seen_by_1e(settings.model);
   }
-  /// Creates a codec from the config's options. Error: bad_request if `monitoring_timer_ms` is not
-  /// a multiple of 250, or if the model has no 1E frames.
+  /// Creates a codec from the config's options. Errors as dialect_from().
   static Result<std::shared_ptr<const Codec>> make(const Options& options);
 
   // AddressSpace

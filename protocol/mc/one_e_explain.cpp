@@ -22,7 +22,7 @@ class Walk final : public DeviceWalk {
 
   void timer(const Field& field) {
     const std::uint32_t timer = number(field);
-    show(field.name, timer == 0 ? "none" : std::to_string(timer * 250) + " ms");
+    show(field.name, timer == 0 ? "none" : std::to_string(timer * kTimerStepMs) + " ms");
   }
   void zero(const Field& field) {
     if (number(field.digits, "its points") != 0)
