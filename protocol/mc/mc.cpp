@@ -33,29 +33,14 @@ Result<void> check_named(const Dialect& dialect, const Span& span) {
   const auto why_not = [&](std::uint32_t number) {
     return why_not_named(dialect, space, number, has_long_codes(dialect, 0));
   };
-  auto why = why_not(kind.first_number + span.first_bit / kind.bits);
+  const std::uint32_t last = kind.first_number + (span.end_bit() - 1) / kind.bits;
   const bool is_doubtful = has_doubtful_digits(dialect, space);
-  const bool beyond = span.bits > kCertainWords || span.first_bit > kCertainWords - span.bits;
-  if (why.empty() && (beyond || !is_doubtful))
-    why =
-        why_not(is_doubtful ? kCertainWords : kind.first_number + (span.end_bit() - 1) / kind.bits);
+  auto why = why_not(kind.first_number + span.first_bit / kind.bits);
+  // A word from X0 on names no further X.
+  if (why.empty() && !(is_doubtful && last < kCertainWords))
+    why = why_not(is_doubtful ? kCertainWords : last);
   if (!why.empty()) return refuse(std::move(why));
   return {};
-}
-
-bool is_numbered_by_series(std::uint16_t space) {
-  return space < kSpaces && kind_of(static_cast<Space>(space)).numbering == Numbering::octal_on_fx;
-}
-
-/// True if the request names X or Y, whose numbers are octal on an FX5.
-bool depends_on_base(const Request& request) {
-  const auto is_such = [](const auto& part) { return is_numbered_by_series(part.span.space); };
-  if (const auto* read = std::get_if<Read>(&request)) return is_such(*read);
-  if (const auto* write = std::get_if<Write>(&request)) return is_such(*write);
-  if (const auto* force = std::get_if<Force>(&request)) return is_numbered_by_series(force->space);
-  if (const auto* scatter = std::get_if<Scatter>(&request))
-    return std::ranges::any_of(scatter->parts, is_such);
-  return false;
 }
 
 }  // namespace
@@ -265,17 +250,22 @@ RefusalMeaning Mc::meaning_of(const Request& request, int device_code) const {
 }
 
 std::optional<Request> Mc::instead_of(const Request& request, int device_code) const {
-  const bool has_other = settings_.series() == Series::iq_r &&
-                         is_unknown_command(static_cast<std::uint16_t>(device_code));
+  if (settings_.series() != Series::iq_r ||
+      !is_unknown_command(static_cast<std::uint16_t>(device_code)))
+    return std::nullopt;
+  Request other = request;
+  bool has_x_or_y = false;
+  const auto change = [&](std::uint16_t space, std::uint8_t& way) {
+    has_x_or_y |= space == id(Space::x) || space == id(Space::y);
+    way |= kPlainCodes;
+  };
+  if (auto* write = std::get_if<Write>(&other)) change(write->span.space, write->way);
+  if (auto* force = std::get_if<Force>(&other)) change(force->space, force->way);
+  if (auto* scatter = std::get_if<Scatter>(&other))
+    for (Write& part : scatter->parts) change(part.span.space, part.way);
   // A PLC without the codes of iQ-R may be an FX5 with the wrong `model`: there Y20 is another
   // output.
-  if (!has_other || depends_on_base(request)) return std::nullopt;
-  Request other = request;
-  if (auto* write = std::get_if<Write>(&other)) write->way |= kPlainCodes;
-  if (auto* force = std::get_if<Force>(&other)) force->way |= kPlainCodes;
-  if (auto* scatter = std::get_if<Scatter>(&other))
-    for (Write& part : scatter->parts) part.way |= kPlainCodes;
-  if (other == request || !encode_message(settings_, other)) return std::nullopt;
+  if (has_x_or_y || other == request || !encode_message(settings_, other)) return std::nullopt;
   return other;
 }
 
