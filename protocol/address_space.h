@@ -1,5 +1,14 @@
-// The memory of a protocol's devices: names and ranges, reads, and writable places. It builds no
-// frames; codec.h does.
+// The device memory behind a codec: names of its places, and the limits of reads and writes. Builds
+// no frames; codec.h does.
+//
+// Each kind of memory is a space, a run of bits with a number (value/span.h). A name stands for a
+// Span of a space, so everything above the codecs treats D100 of a PLC and the register hr:100 of a
+// Modbus device alike. With the codec of an FX3U:
+//
+//   parse_address("D100", …)   16 bits from bit 1600 of the space of D
+//   parse_range("D100-D199")   1600 bits from there
+//   name_of(…)                 "D100" for either span
+//   read_ways(…)               the commands that read D, with the limits of each
 #pragma once
 
 #include <cstdint>
@@ -8,84 +17,60 @@
 #include <string_view>
 #include <vector>
 
+#include "protocol/read_way.h"
 #include "protocol/value/point.h"
 #include "protocol/value/result.h"
 
 namespace fxagent {
 
-/// A command that reads several places in one frame (random read, blocks), and the limits of that
-/// frame. Its parts may be reads of different spaces.
-struct GatherCommand {
-  std::uint8_t gather = 1;  ///< number of the command, above 0
-  std::uint32_t max_parts = 1;
-  std::uint32_t max_bits = 0xFFFFFFFF;  ///< all parts together
-};
-
-/// One way to read part of a space: a command, and the reads that it can do. Such a read starts at
-/// a multiple of `align_bits` from the start of the space and lies inside [first_bit, end_bit). Its
-/// length is a multiple of `unit_bits`, at most `max_bits`. All lengths are in bits of the image.
-struct ReadWay {
-  std::uint8_t way = 0;  ///< number of this way, copied to Read::way
-  /// A point is read by the lowest tier that reaches it. No read serves points of two tiers.
-  std::uint8_t tier = 0;
-  std::uint32_t first_bit = 0;
-  std::uint32_t end_bit = 0;
-  std::uint32_t align_bits = 8;
-  std::uint32_t unit_bits = 8;
-  std::uint32_t max_bits = 512;
-  std::uint32_t max_gap_bits = 0xFFFFFFFF;  ///< longest run of unrequested bits inside a read
-  /// 0: a read by this way is an exchange of its own. Otherwise it is a part of a Gather by the
-  /// GatherCommand of this number, if need be the only part, and the limits above are those of a
-  /// part: the size of a block, or of a random read unit_bits 16 and max_bits 32 (double word).
-  /// Such a way has a `way` number of its own.
-  std::uint8_t gather = 0;
-};
-
-/// The devices that a codec reaches, divided into spaces (value/span.h). Returned by
-/// Codec::addresses() and valid as long as that codec. The manual of the series lists the devices
-/// that exist; the manual of the protocol lists those that it reaches. protocol/README.md names
-/// both.
+/// Returned by Codec::addresses() and valid as long as that codec. Const and without state; any
+/// thread. Sources: the manual of the series lists the devices that exist, the manual of the
+/// protocol those that it reaches. protocol/README.md names both.
 class AddressSpace {
  public:
   virtual ~AddressSpace() = default;
 
-  // Names and ranges.
+  // ---- from a name to its place, and back
 
-  /// Parses an address as the engineer writes it. `type` decides if a name has two meanings (T5:
-  /// the contact as bool, otherwise the value). Without a type such a name means the value. Error:
-  /// bad_request if the name is unknown to this protocol or the model lacks the number; the text
-  /// states the valid range.
+  /// Returns the place that `text` names: "D100", "X17", "K4M0". `type` decides between two
+  /// meanings of a name: T5 is the contact as bool, otherwise the value, also without a type.
+  /// Error: bad_request if this protocol has no such name, or if the model lacks the device; the
+  /// text states the valid range.
   virtual Result<Address> parse_address(std::string_view text,
                                         std::optional<DataType> type) const = 0;
-  /// True if a command must give a type with `text` to make it unambiguous (T5, ST5, C5, LC5).
+  /// True for a name with two meanings (T5, ST5, C5, LC5). A command that uses it must give a type.
   virtual bool needs_type(std::string_view /*text*/) const { return false; }
-  /// Parses a range of an allow list: "M100-M199", "M100..M199" or one device. Error: bad_request
-  /// as parse_address(), and if the ends are of two kinds, if T, ST, C or LC lacks its N, S or C,
-  /// or if the range includes a device that is never written (M8034-M8037, M8118, SM8034-SM8037).
+  /// Returns the place of a range as in allow lists: "M100-M199", "M100..M199" or one device.
+  /// Error: bad_request as parse_address(); if the ends are of two kinds; if T, ST, C or LC lacks
+  /// its N, S or C; or if the range includes a device that is never written (check_write()).
   virtual Result<Span> parse_range(std::string_view text) const = 0;
-  /// Returns the device's name for the first device of `span` ("D100"). Every span has a name, even
-  /// if this model lacks it.
+  /// Returns the name of the first device of `span`: "D100". It has one even if this model lacks
+  /// the device.
   virtual std::string name_of(const Span& span) const = 0;
-  /// Checks that every device of `span` exists in this model. Error: bad_request names the first
-  /// that does not.
+  /// Checks that this model has every device of `span`. Error: bad_request names the first that it
+  /// lacks.
   virtual Result<void> check_range(const Span& span) const = 0;
-  /// Returns the byte order of a 32-bit value for which neither tag nor command gives one. `cdab`
-  /// is the order of all Mitsubishi PLCs.
-  virtual ByteOrder default_order() const { return ByteOrder::cdab; }
 
-  // Reads and writes.
+  // ---- reads
 
   /// Returns the ways to read the space, best first. Empty if this model has no such space.
   virtual std::vector<ReadWay> read_ways(std::uint16_t space) const = 0;
   /// Returns the commands that read several places in one frame. Empty if the protocol or this
-  /// model has none: then no way names one, and the planner does not try to combine reads.
+  /// model has none; then no way names one.
   virtual std::vector<GatherCommand> gathers() const { return {}; }
-  /// Returns the bits at which reads and writes of the space must be split although all of it
-  /// exists. Devices from such a bit on may be stored elsewhere.
+  /// Returns the bits of the space at which a frame must end and the next one begin, although both
+  /// sides exist: a device may store them in different places.
   virtual std::vector<std::uint32_t> borders(std::uint16_t /*space*/) const { return {}; }
-  /// Checks that `span` may be written, in this shape. Error: bad_request if the write would
-  /// overwrite neighbouring bits (half bytes), or if it touches a device that is never written
-  /// (M8034-M8037, M8118: they switch RUN and STOP or open the program memory).
+  /// Returns the byte order of a 32-bit value for which neither tag nor command gives one. `cdab`
+  /// is the order of all Mitsubishi PLCs.
+  virtual ByteOrder default_order() const { return ByteOrder::cdab; }
+
+  // ---- writes
+
+  /// Checks that `span` may be written. Error: bad_request if a frame would also overwrite
+  /// neighbouring bits (part of a byte or word), or if the span touches a device that is never
+  /// written: M8034-M8037, M8118 and SM8034-SM8037 switch RUN and STOP or all outputs, or open the
+  /// program memory.
   virtual Result<void> check_write(const Span& span) const = 0;
   /// Returns the largest number of bits of `space` in one Write; 0 if the space cannot be written.
   virtual std::uint32_t max_write_bits(std::uint16_t space) const = 0;

@@ -14,10 +14,6 @@ constexpr std::size_t kReadsWorthALength = 4;
 // In units. Eight coils make one byte.
 constexpr std::uint32_t kLongestPeriod = 16;
 
-std::uint32_t round_up(std::uint32_t value, std::uint32_t step) {
-  return (value + step - 1) / step * step;
-}
-
 /// Removes the places that contain another. A read that must not contain the smaller place must not
 /// contain the larger one either.
 std::vector<Extent> smallest(std::vector<Extent> places) {
@@ -75,28 +71,6 @@ bool Forbidden::forbids(const ReadWay& way, const Extent& read) const {
   if (way.gather == 0) return false;
   const auto place = std::ranges::upper_bound(apart_, read.first, {}, &Extent::end);
   return place != apart_.end() && place->first < read.end;
-}
-
-std::optional<Extent> fit(const ReadWay& way, const Extent& wanted) {
-  if (wanted.first < way.first_bit || wanted.end > way.end_bit) return std::nullopt;
-  std::uint32_t first = wanted.first - wanted.first % way.align_bits;
-  if (first < way.first_bit) return std::nullopt;
-  std::uint32_t bits = round_up(wanted.end - first, way.unit_bits);
-  // A last unit that would end behind the last device is moved: the read begins earlier instead.
-  while (bits > way.end_bit - first) {
-    const std::uint32_t back = round_up(bits - (way.end_bit - first), way.align_bits);
-    if (back > first - way.first_bit) return std::nullopt;
-    first -= back;
-    bits = round_up(wanted.end - first, way.unit_bits);
-  }
-  if (bits > way.max_bits) return std::nullopt;
-  return Extent{first, first + bits};
-}
-
-bool reaches(const ReadWay& way, const Span& span) {
-  ReadWay unlimited = way;
-  unlimited.max_bits = std::numeric_limits<std::uint32_t>::max();
-  return fit(unlimited, {span.first_bit, span.end_bit()}).has_value();
 }
 
 std::vector<Extent> pieces_of(const Bucket& bucket, const Point& point, const Span& span) {

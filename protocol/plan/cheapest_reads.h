@@ -1,5 +1,5 @@
 // Finds the reads with the least line time for one space, by dynamic programming. Used by the
-// planner (plan.h); `fxagent doctor` uses fit().
+// planner (plan.h).
 #pragma once
 
 #include <cstdint>
@@ -9,15 +9,9 @@
 #include <vector>
 
 #include "protocol/plan/plan.h"
+#include "protocol/read_way.h"
 
 namespace fxagent {
-
-/// [first, end) in bits of a space.
-struct Extent {
-  std::uint32_t first = 0;
-  std::uint32_t end = 0;
-  friend bool operator==(const Extent&, const Extent&) = default;
-};
 
 /// Reads of one space that the planner must avoid: those the device refuses, and those that cross a
 /// border of the space. A lookup takes logarithmic time.
@@ -36,12 +30,6 @@ class Forbidden final {
   std::vector<Extent> missing_;      ///< none contains another: starts and ends both ascend
   std::vector<Extent> apart_;        ///< ascending; no two touch
 };
-
-/// Returns the shortest read by `way` that covers `wanted`. nullopt if the way does not reach it or
-/// cannot carry that much.
-std::optional<Extent> fit(const ReadWay& way, const Extent& wanted);
-/// True if reads by `way`, of any length, cover `span`.
-bool reaches(const ReadWay& way, const Span& span);
 
 /// Everything read from one space by ways of one tier. Points are merged only within a bucket.
 struct Bucket {

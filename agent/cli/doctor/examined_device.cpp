@@ -3,8 +3,8 @@
 #include <algorithm>
 
 #include "agent/cli/report/read_report.h"
-#include "protocol/plan/cheapest_reads.h"
 #include "protocol/plc.h"
+#include "protocol/read_way.h"
 
 namespace fxagent {
 namespace {
