@@ -58,7 +58,7 @@ class GatherSearch final {
   };
   /// Result of a search.
   struct Found {
-    Cost least = 0;  ///< lower bound for every plan on these terms
+    Cost least = 0;  ///< lower bound for every plan at these prices
     std::size_t gathers = 0;
   };
 
@@ -111,18 +111,19 @@ class GatherSearch final {
 
   /// Adds to each part its share of the cost around the parts of a frame: by the number of parts
   /// that a frame holds, by their bits, or by a mix of both.
-  static Terms priced(const std::vector<const Command*>& open, double by_parts, double by_bits) {
-    Terms terms;
+  static PartPrices priced(const std::vector<const Command*>& open, double by_parts,
+                           double by_bits) {
+    PartPrices prices;
     for (const Command* command : open) {
-      if (terms.size() <= command->gather) terms.resize(command->gather + 1U);
+      if (prices.size() <= command->gather) prices.resize(command->gather + 1U);
       const auto around = static_cast<double>(command->around_parts);
       const bool any_size = command->max_bits == kAnySize;
       const double each = (any_size ? by_parts + by_bits : by_parts) * around / command->max_parts;
       const double each_bit = (any_size ? 0 : by_bits) * around / command->max_bits;
-      terms[command->gather] = {true, static_cast<Cost>(each) - command->around_chars,
-                                static_cast<Cost>(each_bit)};
+      prices[command->gather] = {true, static_cast<Cost>(each) - command->around_chars,
+                                 static_cast<Cost>(each_bit)};
     }
-    return terms;
+    return prices;
   }
 
   /// Returns false if nothing can be gained by these commands or by fewer of them.
@@ -173,11 +174,11 @@ class GatherSearch final {
 
   /// Finds the best plan with 1, 2 … `most` frames of the command, by counting their parts.
   void count(const Command& command, std::size_t most) {
-    Terms terms(command.gather + 1U);
-    terms[command.gather] = {.open = true, .each = -command.around_chars, .counted = true};
+    PartPrices prices(command.gather + 1U);
+    prices[command.gather] = {.open = true, .each = -command.around_chars, .counted = true};
     std::vector<Cost> costs(most * command.max_parts + 1, kImpossible);
     costs[0] = 0;
-    for (ReadSearch& bucket : searches_) costs = bucket.run(terms, costs);
+    for (ReadSearch& bucket : searches_) costs = bucket.run(prices, costs);
     for (std::size_t frames = 1; frames <= most; ++frames) {
       const auto end = costs.begin() + static_cast<std::ptrdiff_t>(frames * command.max_parts + 1);
       const auto cheapest = std::min_element(costs.begin(), end);
@@ -185,11 +186,11 @@ class GatherSearch final {
     }
   }
 
-  /// Returns nullopt if these terms cannot read everything.
-  std::optional<Found> search(const Terms& terms) {
+  /// Returns nullopt if no plan at these prices reads everything.
+  std::optional<Found> search(const PartPrices& prices) {
     Found found;
     for (ReadSearch& bucket : searches_) {
-      const Cost cost = bucket.run(terms, {0}).front();
+      const Cost cost = bucket.run(prices).front();
       if (cost == kImpossible) return std::nullopt;
       found.least += cost;
     }
@@ -202,7 +203,12 @@ class GatherSearch final {
   std::size_t consider(std::uint32_t counted) {
     Gathering found;
     found.reads.resize(searches_.size());
-    for (std::size_t i = searches_.size(); i-- > 0;) found.reads[i] = searches_[i].reads(counted);
+    for (std::size_t i = searches_.size(); i-- > 0;) {
+      found.reads[i] = searches_[i].reads(counted);
+      if (counted > 0)
+        counted -= static_cast<std::uint32_t>(std::ranges::count_if(
+            found.reads[i], [](const Read& read) { return read.gather != 0; }));
+    }
     std::vector<Read> all;
     for (const auto& of_bucket : found.reads)
       all.insert(all.end(), of_bucket.begin(), of_bucket.end());

@@ -134,9 +134,8 @@ Gathering each_by_itself(const Codec& codec, const LineCost& cost,
   Gathering out;
   for (const Bucket& bucket : buckets) {
     ReadSearch search(codec, cost, bucket);
-    search.run({}, {0});
-    std::uint32_t counted = 0;
-    out.reads.push_back(search.reads(counted));
+    search.run();
+    out.reads.push_back(search.reads());
     out.weighed += search.weighed();
   }
   return out;
