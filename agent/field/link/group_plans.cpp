@@ -135,9 +135,8 @@ bool GroupPlans::read_by_other_ways(LinkDevice& device, GroupPoll& group,
 
 void GroupPlans::were_read(LinkDevice& device, const GroupPoll& group, ReadIndices reads) {
   if (!device.holes) return;
-  if (reads.size() > 1) device.holes->read_together(reads.size());
   for (const std::uint32_t read : reads)
-    device.holes->read(group.cycle.reads().plan().reads[read].read.span);
+    device.holes->read(group.cycle.reads().plan().reads[read].read.span, reads.size());
 }
 
 // ---- commands for several places ----------------------------------------------------------------

@@ -126,11 +126,6 @@ void HoleMap::refused_together(const Gather& gather, const std::vector<Span>& as
   changed();
 }
 
-void HoleMap::read_together(std::size_t parts) {
-  if (!holes_.suspects.empty())
-    holes_.most_others = std::max(holes_.most_others, static_cast<std::uint32_t>(parts));
-}
-
 void HoleMap::unanswered(std::uint8_t gather) {
   const auto known = std::ranges::find(doubts_, gather, &Doubt::gather);
   Doubt& doubt =
@@ -225,8 +220,11 @@ void HoleMap::cleared(const Span& read) {
   changed();
 }
 
-void HoleMap::read(const Span& read) {
-  if (!holes_.suspects.empty()) cleared(read);
+void HoleMap::read(const Span& read, std::size_t parts) {
+  if (!holes_.suspects.empty()) {
+    holes_.most_others = std::max(holes_.most_others, static_cast<std::uint32_t>(parts));
+    cleared(read);
+  }
   std::erase_if(command_limits_, [&](const Holes::Limit& limit) {
     return limit.space == read.space && limit.bits < read.bits;
   });

@@ -58,10 +58,9 @@ struct Refuser {
       const ReadIndices which = planned.exchanges[e];
       const Request request = planned.request(which);
       const bool answered = answers(request);
-      if (answered && which.size() > 1) map.read_together(which.size());
       for (std::size_t i = 0; answered && i < which.size(); ++i) {
         const PlannedRead& read = planned.reads[which[i]];
-        map.read(read.read.span);
+        map.read(read.read.span, which.size());
         for (const std::uint32_t point : read.points) good[point] = true;
       }
       if (answered) continue;
