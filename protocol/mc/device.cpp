@@ -78,11 +78,12 @@ struct Counts {
   std::uint32_t iq_f = 0, q_l = 0, by_1e = 0, iq_r = 0;
 };
 // FX0N to FX2N: JY992D69901, 7.7.2. FX3G and FX3U: tables of JY997D45801 and JY997D18101. DX and DY
-// of Q and L: as ascii_base_of(). The others are from product knowledge, unverified. An iQ-R has at
-// most 10117632 words of device memory; each count assumes that all are of one kind. by_1e: the
-// devices of a Q or L that 1E frames reach, Q03UD(E) user's manual, 5.1.2, without D9000 and M9000
-// up, which 1E maps to SD1000 and SM1000 up; where kKinds has no code for 1E it does not count.
-// Columns: FX0N, 1S, 1N, 2N, 3S, 3G, 3U, iQ-F, Q and L, these by 1E, iQ-R.
+// of Q and L: as ascii_base_of(). The others are from product knowledge, unverified; FX5UJ and FX5S
+// have the ranges of the FX5U. An iQ-R has at most 10117632 words of device memory; each count
+// assumes that all are of one kind. by_1e: the devices of a Q or L that 1E frames reach, Q03UD(E)
+// user's manual, 5.1.2, without D9000 and M9000 up, which 1E maps to SD1000 and SM1000 up; where
+// kKinds has no code for 1E it does not count. Columns: FX0N, 1S, 1N, 2N, 3S, 3G, 3U, iQ-F, Q and
+// L, these by 1E, iQ-R.
 constexpr std::array<Counts, kSpaces> kCounts = {{
     {0200, 020, 0200, 0270, 0200, 0200, 0400, 02000, 0x2000, 0x800, 0x3000},  // X
     {0200, 016, 0200, 0270, 0200, 0200, 0400, 02000, 0x2000, 0x800, 0x3000},  // Y
