@@ -83,18 +83,18 @@ Bytes acknowledge(const Settings& settings) {
 Decoded ComputerLink::decode(const Request& request, std::uint16_t tag, ByteView rx) const {
   if (const auto sent = encode(request, tag); !sent) return fail(sent);
   if (!expects_reply(request)) return fail(ErrorCode::unsupported, "EOT is never answered");
-  auto answer = mc::serial_answer(settings_, 0, data_chars(request), rx);
-  if (!answer.reply) return std::move(answer.reply);
-  if (!*answer.reply) {
-    // Bytes before the echo of the request are older.
+  Decoded answer = mc::serial_answer(settings_, 0, data_chars(request), rx);
+  if (!answer) return answer;
+  if (!*answer) {
+    // Bytes before the echo of the request are older. The last frame may be the answer.
     const auto echo = std::find(rx.rbegin(), rx.rend(), kEnq);
     const auto size = static_cast<std::size_t>(echo - rx.rbegin());
-    if (!answer.has_begun && size > 2 * kLongestFrame)
+    if (size > 3 * kLongestFrame)
       return garbled(std::to_string(size) + " bytes without an answer; the longest has " +
                      std::to_string(kLongestFrame));
     return std::nullopt;
   }
-  Reply& reply = **answer.reply;
+  Reply& reply = **answer;
   if (reply.kind == Reply::Kind::nak) {
     const ByteView code = rx.subspan(reply.began + kLinkHeader, 2);
     reply.device_code = hex_byte(code);
@@ -106,7 +106,7 @@ Decoded ComputerLink::decode(const Request& request, std::uint16_t tag, ByteView
     reply.image = std::move(*image);
     if (settings_.acknowledge_data) reply.closing = acknowledge(settings_);
   }
-  return std::move(answer.reply);
+  return answer;
 }
 
 bool ComputerLink::expects_reply(const Request& request) const {

@@ -150,7 +150,7 @@ Decoded decode_ethernet(const Dialect& dialect, const Request& request, std::uin
 Decoded decode_serial(const Dialect& dialect, const Request& request, std::uint16_t tag,
                       ByteView rx) {
   const std::size_t size = answer_size(dialect, request);
-  Decoded found = serial_answer(dialect, static_cast<std::uint8_t>(tag), size, rx).reply;
+  Decoded found = serial_answer(dialect, static_cast<std::uint8_t>(tag), size, rx);
   if (!found) return found;
   if (!*found) {
     if (rx.size() > kMostSearched)

@@ -19,8 +19,6 @@ constexpr std::string_view kRefused = "QNAK";
 constexpr std::size_t kLength = 2;
 constexpr std::size_t kMark = 2;
 
-SerialAnswer garbled_answer(std::string error) { return {.reply = garbled(std::move(error))}; }
-
 /// Returns block number, frame id and route: all that stands between the control character and the
 /// content of an answer.
 Bytes head_of(const Dialect& dialect, std::uint8_t block) {
@@ -80,7 +78,7 @@ class AsciiSearch final {
   AsciiSearch(const Dialect& dialect, std::uint8_t block, std::size_t data, ByteView rx)
       : dialect_(dialect), head_(head_of(dialect, block)), data_(data), rx_(rx) {}
 
-  SerialAnswer run() {
+  Decoded run() {
     // A PLC never sends ENQ: it is the echo of the request, and bytes before it are older. In
     // format 3 requests begin with STX and are recognised by the text after their head.
     if (!is_3())
@@ -94,17 +92,16 @@ class AsciiSearch final {
         continue;
       }
       if (first == kStx && begins_anew()) continue;
-      const auto answer = judge(first);
-      if (answer) return *answer;
+      if (auto answer = judge(first)) return std::move(*answer);
     }
-    return {};
+    return std::nullopt;
   }
 
  private:
   bool is_1c() const { return dialect_.frame == Frame::c1; }
   bool is_3() const { return dialect_.format == 3; }
   std::size_t left() const { return rx_.size() - at_; }
-  static SerialAnswer incomplete() { return {.has_begun = true}; }
+  static Decoded incomplete() { return std::nullopt; }
 
   /// If another STX cuts off a frame, continues at that STX.
   bool begins_anew() {
@@ -125,8 +122,8 @@ class AsciiSearch final {
 
   /// Returns nullopt if no answer began here; `at_` is then after it. Returns an incomplete answer
   /// if more bytes are needed.
-  std::optional<SerialAnswer> judge(std::uint8_t first) {
-    if (left() < 1 + head_.size()) return SerialAnswer{};
+  std::optional<Decoded> judge(std::uint8_t first) {
+    if (left() < 1 + head_.size()) return incomplete();
     const bool ours = is_ours();
     if (first == kStx) {
       if (!ours) return pass_frame();
@@ -140,47 +137,45 @@ class AsciiSearch final {
                          : refused_at(1 + head_.size(), 0);
   }
 
-  std::optional<SerialAnswer> judge_3() {
+  std::optional<Decoded> judge_3() {
     const std::size_t word = 1 + head_.size();
-    if (left() < word + kDone.size()) return SerialAnswer{};
+    if (left() < word + kDone.size()) return incomplete();
     const std::string said = as_text(rx_.subspan(at_ + word, kDone.size()));
     if (said == kRefused) return refused_at(word + kRefused.size(), 1);
     if (said != kDone) return pass_frame();  // echo of the request
     const std::size_t behind = word + kDone.size();
-    if (left() <= behind) return SerialAnswer{};
+    if (left() <= behind) return incomplete();
     const bool has_data = rx_[at_ + behind] != kEtx;
     if (has_data != (data_ != 0)) return pass_frame();
     return has_data ? data_from(kDone.size()) : finish(Reply::Kind::ack, behind, 1);
   }
 
   /// Completes an answer without data: `size` characters, ETX if any, then CR LF.
-  std::optional<SerialAnswer> finish(Reply::Kind kind, std::size_t size, std::size_t etx,
-                                     std::uint32_t code = 0) {
+  std::optional<Decoded> finish(Reply::Kind kind, std::size_t size, std::size_t etx,
+                                std::uint32_t code = 0) {
     const std::size_t whole = size + etx + tail_size(dialect_);
     if (left() < whole) return incomplete();
-    if (etx != 0 && rx_[at_ + size] != kEtx)
-      return garbled_answer("ETX is missing after the answer");
+    if (etx != 0 && rx_[at_ + size] != kEtx) return garbled("ETX is missing after the answer");
     if (!has_tail(whole)) return no_tail(is_1c() ? "ACK or NAK" : "the answer");
-    return SerialAnswer{Reply{.kind = kind,
-                              .device_code = static_cast<int>(code),
-                              .began = at_,
-                              .consumed = at_ + whole}};
+    return Decoded(Reply{.kind = kind,
+                         .device_code = static_cast<int>(code),
+                         .began = at_,
+                         .consumed = at_ + whole});
   }
 
   /// The codec of 1C reads its code of two digits again.
-  std::optional<SerialAnswer> refused_at(std::size_t size, std::size_t etx) {
+  std::optional<Decoded> refused_at(std::size_t size, std::size_t etx) {
     const std::size_t digits = is_1c() ? 2 : 4;
     if (left() < size + digits) return incomplete();
     const ByteView given = rx_.subspan(at_ + size, digits);
     const auto code = number_in(NumberForm::digits, given);
     if (!code && !is_1c())
-      return garbled_answer("refused with the code " + to_hex(given) +
-                            ", which is not four hex digits");
+      return garbled("refused with the code " + to_hex(given) + ", which is not four hex digits");
     return finish(Reply::Kind::nak, size + digits, etx, code.value_or(0));
   }
 
   /// Decodes an answer with data. `word` characters precede the data after the head.
-  std::optional<SerialAnswer> data_from(std::size_t word) {
+  std::optional<Decoded> data_from(std::size_t word) {
     const std::size_t begin = 1 + head_.size() + word;
     const std::size_t etx = begin + data_;
     const std::size_t whole = etx + 1 + sum_size(dialect_) + tail_size(dialect_);
@@ -190,35 +185,35 @@ class AsciiSearch final {
                   frame.end(), kEtx) -
         frame.begin());
     if (found < etx && found < frame.size())
-      return garbled_answer(std::to_string(found - begin) + " data characters given, " +
-                            std::to_string(data_) + " expected");
+      return garbled(std::to_string(found - begin) + " data characters given, " +
+                     std::to_string(data_) + " expected");
     if (found != etx && frame.size() > etx)
-      return garbled_answer("more data characters given, " + std::to_string(data_) + " expected");
+      return garbled("more data characters given, " + std::to_string(data_) + " expected");
     if (frame.size() < whole) return incomplete();
     if (dialect_.sum_check)
       if (auto why = why_wrong_sum(frame.subspan(etx + 1, kSum), frame.subspan(1, etx));
           !why.empty())
-        return garbled_answer(std::move(why));
+        return garbled(std::move(why));
     if (!has_tail(whole)) return no_tail(is_1c() ? "the data" : "the answer");
     const ByteView data = frame.subspan(begin, data_);
-    return SerialAnswer{Reply{.kind = Reply::Kind::data,
-                              .image = Bytes(data.begin(), data.end()),
-                              .began = at_,
-                              .consumed = at_ + whole}};
+    return Decoded(Reply{.kind = Reply::Kind::data,
+                         .image = Bytes(data.begin(), data.end()),
+                         .began = at_,
+                         .consumed = at_ + whole});
   }
 
   /// Skips a frame with STX that is not the wanted answer. Incomplete if its end has not arrived.
-  std::optional<SerialAnswer> pass_frame() {
+  std::optional<Decoded> pass_frame() {
     const auto begin = rx_.begin() + static_cast<std::ptrdiff_t>(at_);
     const auto etx = std::find(begin, rx_.end(), kEtx);
-    if (etx == rx_.end()) return SerialAnswer{};
+    if (etx == rx_.end()) return incomplete();
     const std::string content(begin + 1, etx);
     const std::string said = content.substr(std::min(head_.size(), content.size()));
     // QACK without data, and QNAK, have no sum.
     const bool plain = is_3() && (said == kDone || said.starts_with(kRefused));
     const std::size_t end =
         static_cast<std::size_t>(etx - rx_.begin()) + 1 + (plain ? 0 : sum_size(dialect_));
-    if (end > rx_.size()) return SerialAnswer{};
+    if (end > rx_.size()) return incomplete();
     at_ = end;
     return std::nullopt;
   }
@@ -226,9 +221,8 @@ class AsciiSearch final {
   bool has_tail(std::size_t whole) const {
     return tail_size(dialect_) == 0 || (rx_[at_ + whole - 2] == kCr && rx_[at_ + whole - 1] == kLf);
   }
-  static SerialAnswer no_tail(std::string_view after) {
-    return garbled_answer("CR LF is missing after " + std::string(after) +
-                          ": format 4 ends with it");
+  static tl::unexpected<Error> no_tail(std::string_view after) {
+    return garbled("CR LF is missing after " + std::string(after) + ": format 4 ends with it");
   }
 
   const Dialect& dialect_;
@@ -239,8 +233,7 @@ class AsciiSearch final {
 };
 
 /// Interprets a whole frame of format 5. Returns nullopt if it is not the answer to this request.
-std::optional<SerialAnswer> binary_answer(const Dialect& dialect, std::size_t data,
-                                          ByteView content) {
+std::optional<Decoded> binary_answer(const Dialect& dialect, std::size_t data, ByteView content) {
   const Bytes header = serial_header(dialect);
   const std::size_t least = kLength + header.size() + kMark + kEndCode;
   if (content.size() < kLength + header.size() ||
@@ -248,25 +241,25 @@ std::optional<SerialAnswer> binary_answer(const Dialect& dialect, std::size_t da
     return std::nullopt;
   const std::size_t length = *number_at(Code::binary, content, 0, kLength);
   if (length != content.size() - kLength)
-    return garbled_answer("length " + std::to_string(length) + " given, " +
-                          std::to_string(content.size() - kLength) + " bytes received");
+    return garbled("length " + std::to_string(length) + " given, " +
+                   std::to_string(content.size() - kLength) + " bytes received");
   const std::size_t mark = kLength + header.size();
   if (content.size() < mark + kMark || content[mark] != 0xFF || content[mark + 1] != 0xFF)
     return std::nullopt;  // echo of a request
-  if (content.size() < least) return garbled_answer("an answer without end code");
+  if (content.size() < least) return garbled("an answer without end code");
   const auto code = static_cast<int>(*number_at(Code::binary, content, mark + kMark, kEndCode));
   const ByteView rest = content.subspan(least);
-  if (code != 0) return SerialAnswer{Reply{.kind = Reply::Kind::nak, .device_code = code}};
+  if (code != 0) return Decoded(Reply{.kind = Reply::Kind::nak, .device_code = code});
   if ((rest.empty()) != (data == 0))
     return std::nullopt;  // a late answer to a request of the other kind
   if (rest.size() != data)
-    return garbled_answer(std::to_string(rest.size()) + " bytes of data given, " +
-                          std::to_string(data) + " expected");
-  return SerialAnswer{Reply{.kind = data == 0 ? Reply::Kind::ack : Reply::Kind::data,
-                            .image = Bytes(rest.begin(), rest.end())}};
+    return garbled(std::to_string(rest.size()) + " bytes of data given, " + std::to_string(data) +
+                   " expected");
+  return Decoded(Reply{.kind = data == 0 ? Reply::Kind::ack : Reply::Kind::data,
+                       .image = Bytes(rest.begin(), rest.end())});
 }
 
-SerialAnswer binary_search(const Dialect& dialect, std::size_t data, ByteView rx) {
+Decoded binary_search(const Dialect& dialect, std::size_t data, ByteView rx) {
   std::size_t at = 0;
   while (at + 1 < rx.size()) {
     if (rx[at] != kDle || rx[at + 1] != kStx) {
@@ -274,26 +267,26 @@ SerialAnswer binary_search(const Dialect& dialect, std::size_t data, ByteView rx
       continue;
     }
     const Undoubled frame = undoubled(rx, at);
-    if (frame.state == Undoubled::State::incomplete) return {};
+    if (frame.state == Undoubled::State::incomplete) return std::nullopt;
     if (frame.state == Undoubled::State::wrong) {
       at = frame.end;
       continue;
     }
     const std::size_t end = frame.end + sum_size(dialect);
-    if (rx.size() < end) return {};
+    if (rx.size() < end) return std::nullopt;
     if (dialect.sum_check)
       if (auto why = why_wrong_sum(rx.subspan(frame.end, kSum), frame.content); !why.empty())
-        return garbled_answer(std::move(why));
+        return garbled(std::move(why));
     if (auto answer = binary_answer(dialect, data, frame.content)) {
-      if (Decoded& reply = answer->reply) {
+      if (Decoded& reply = *answer) {
         (*reply)->began = at;
         (*reply)->consumed = end;
       }
-      return *answer;
+      return std::move(*answer);
     }
     at = end;
   }
-  return {};
+  return std::nullopt;
 }
 
 }  // namespace
@@ -345,8 +338,7 @@ std::size_t serial_doubles(const Dialect& dialect, ByteView request, std::size_t
   return (doubles(request) - 2) / 2 + doubles(binary_answer_head(dialect, data));
 }
 
-SerialAnswer serial_answer(const Dialect& dialect, std::uint8_t block, std::size_t data,
-                           ByteView rx) {
+Decoded serial_answer(const Dialect& dialect, std::uint8_t block, std::size_t data, ByteView rx) {
   if (dialect.format == 5) return binary_search(dialect, data, rx);
   return AsciiSearch(dialect, block, data, rx).run();
 }

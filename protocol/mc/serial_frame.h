@@ -20,18 +20,11 @@ std::size_t serial_answer_length(const Dialect& dialect, std::size_t data);
 /// `data` characters of data, none of which is a 10h.
 std::size_t serial_doubles(const Dialect& dialect, ByteView request, std::size_t data);
 
-/// Result of a search for the answer to one request.
-struct SerialAnswer {
-  /// The image is the data as received, in format 5 without the doubling. A refusal has no text. In
-  /// 1C its code is 0 if it is not a hex number; the codec reads it again.
-  Decoded reply{};
-  bool has_begun = false;  ///< part of the answer is there
-};
 /// Searches `rx` for the answer to a request with this block number. The answer has `data`
 /// characters of data; 0: none. Skips echoes, frames of other stations and answers of the other
-/// kind.
-SerialAnswer serial_answer(const Dialect& dialect, std::uint8_t block, std::size_t data,
-                           ByteView rx);
+/// kind. The image is the data as received, in format 5 without the doubling. A refusal has no
+/// text. In 1C its code is 0 if it is not a hex number; the codec reads it again.
+Decoded serial_answer(const Dialect& dialect, std::uint8_t block, std::size_t data, ByteView rx);
 
 /// True if these bytes could begin an answer to any request.
 bool may_be_serial_answer(const Dialect& dialect, ByteView bytes);

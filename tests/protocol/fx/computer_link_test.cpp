@@ -462,9 +462,9 @@ TEST(ComputerLink, Format4IsCompleteWithCrLfAndNotBefore) {
 }
 
 TEST(ComputerLink, EndlessNoiseIsABadFrame) {
-  EXPECT_TRUE(needs_more(std::string(532, '?')));
-  expect_says(bad_frame(std::string(533, '?')), "533 bytes");
-  expect_says(bad_frame("<" + std::string(533, '0'), kForce), "534 bytes");
+  EXPECT_TRUE(needs_more(std::string(798, '?')));
+  expect_says(bad_frame(std::string(799, '?')), "799 bytes");
+  expect_says(bad_frame("<" + std::string(799, '0'), kForce), "800 bytes");
 }
 
 TEST(ComputerLink, NothingAnswersAnEot) {
