@@ -77,8 +77,6 @@ void Body::device(std::uint16_t space_id, std::uint32_t bit) {
     append_number(Code::binary, out_, kind.binary, long_codes_ ? 2 : 1);
     return;
   }
-  if (error_.empty() && !long_codes_ && kind.ascii.empty())
-    error_ = std::string(kind.letters) + " has no short name";
   std::string name(long_codes_ ? kind.letters : kind.ascii);
   name.resize(long_codes_ ? 4 : 2, '*');
   const std::string digits = digits_of(number, ascii_base_of(dialect_.model, space));
@@ -110,7 +108,7 @@ std::string why_not_named(const Dialect& dialect, Space space, std::uint32_t num
     return name +
            ": whether an FX5 takes the digits of X and Y as octal in ASCII code is not known" +
            cure;
-  if (!has_name(dialect, space))
+  if (!long_codes && kind_of(space).ascii.empty())
     return name + " has no certain name in ASCII code on this model" + cure;
   return {};
 }

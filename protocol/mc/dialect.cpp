@@ -84,11 +84,6 @@ bool has_doubtful_digits(const Dialect& dialect, Space space) {
   return dialect.code == Code::ascii && ascii_base_of(dialect.model, space) == 8;
 }
 
-bool has_name(const Dialect& dialect, Space space) {
-  return dialect.code == Code::binary || dialect.series() == Series::iq_r ||
-         !kind_of(space).ascii.empty();
-}
-
 bool is_contact(Space space) {
   // Letters of other kinds that end with S or C have one letter.
   const std::string_view letters = kind_of(space).letters;
@@ -122,7 +117,9 @@ std::vector<ReadWay> read_ways(const Dialect& dialect, std::uint16_t space_id) {
   if (space_id >= kSpaces) return ways;
   const auto space = static_cast<Space>(space_id);
   const auto numbers = numbers_of(dialect.model, space);
-  if (numbers.empty() || !has_name(dialect, space)) return ways;
+  const bool has_name =
+      dialect.code == Code::binary || has_long_codes(dialect, 0) || !kind_of(space).ascii.empty();
+  if (numbers.empty() || !has_name) return ways;
   const std::uint32_t bits = kind_of(space).bits;
   const Span run = span_of(space, numbers.front());
   const Limits limits = limits_of(dialect, has_long_codes(dialect, 0));

@@ -93,8 +93,6 @@ bool has_doubtful_digits(const Dialect& dialect, Space space);
 inline constexpr std::uint32_t kCertain = 8;
 inline constexpr std::uint32_t kCertainWords = 16;
 
-/// True if this code and series have a name for the kind.
-bool has_name(const Dialect& dialect, Space space);
 /// True for contacts and coils of timers and counters, which are reached only bit by bit.
 bool is_contact(Space space);
 
