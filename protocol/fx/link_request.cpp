@@ -189,12 +189,8 @@ Result<Bytes> ComputerLink::encode(const Request& request, std::uint16_t /*tag*/
   if (const auto* write = std::get_if<Write>(&request)) return encode_write(settings_, *write);
   if (const auto* scatter = std::get_if<Scatter>(&request))
     return encode_scatter(settings_, *scatter);
-  if (const auto* force = std::get_if<Force>(&request)) {
-    if (is_addressed(force->space) && width_of(force->space) != 1)
-      return refuse(device_name({force->space, force->bit, 1}) +
-                    " is a word: only bits can be forced");
+  if (const auto* force = std::get_if<Force>(&request))
     return encode_write(settings_, write_of(*force));
-  }
   if (const auto* control = std::get_if<Control>(&request)) {
     switch (control->kind) {
       case Control::Kind::identify:

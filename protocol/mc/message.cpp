@@ -251,12 +251,8 @@ Result<Bytes> encode_message(const Dialect& dialect, const Request& request) {
   if (const auto* gather = std::get_if<Gather>(&request)) return encode_gather(dialect, *gather);
   if (const auto* scatter = std::get_if<Scatter>(&request))
     return encode_scatter(dialect, *scatter);
-  if (const auto* force = std::get_if<Force>(&request)) {
-    if (force->space < kSpaces && width_of(force->space) != 1)
-      return refuse(device_name(dialect.model, {force->space, force->bit, 1}) +
-                    " is a word: only bits can be forced");
+  if (const auto* force = std::get_if<Force>(&request))
     return encode_write(dialect, write_of(*force));
-  }
   if (const auto* control = std::get_if<Control>(&request))
     return encode_control(dialect, control->kind);
   return fail(ErrorCode::unsupported, "the MC protocol has no enquiry of its own");

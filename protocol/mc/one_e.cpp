@@ -313,11 +313,8 @@ Result<Bytes> OneE::encode(const Request& request, std::uint16_t /*tag*/) const 
     return encode_scattered(settings_, *scatter);
   if (const auto* control = std::get_if<Control>(&request))
     return encode_control(settings_, *control);
-  if (const auto* force = std::get_if<Force>(&request)) {
-    if (force->space < kSpaces && width_of(force->space) != 1)
-      return refuse(name_of({force->space, force->bit, 1}) + " is a word: only bits can be forced");
+  if (const auto* force = std::get_if<Force>(&request))
     return encode_write(settings_, max_write_bits(force->space), write_of(*force));
-  }
   return fail(ErrorCode::unsupported, "1E frames have neither an enquiry nor scattered reads");
 }
 

@@ -213,7 +213,7 @@ TEST(ComputerLink, HalfBytesAndWhatStopsThePlcAreNotWritten) {
   expect_says(sent(station(), Write{span("D0", 1), Bytes(1)}), "with 1 bytes");
   expect_says(sent(station(), Force{id(Space::special_m), 37, true}),
               "cannot be written by address");
-  expect_says(sent(station(), Force{id(Space::d), 5, true}), "only bits can be forced");
+  expect_says(sent(station(), Force{id(Space::d), 5, true}), "only whole words");
   expect_says(sent(station(), Force{id(Space::tc), 5, true}), "not in the memory");
   expect_says(sent(station(), Force{id(Space::m), 7680, true}), "does not exist");
   EXPECT_EQ(station().encode(Enquire{}, 0).error().code, ErrorCode::unsupported);

@@ -199,7 +199,7 @@ TEST(McMessages, WritesTakeExactlyTheirBits) {
   EXPECT_EQ(message(mc, Force{kM, 8, false}), "01 14 01 00 08 00 00 90 01 00 00");
   EXPECT_EQ(message(mc, Write{{kM, 3, 5}, {0x15}}), "01 14 01 00 03 00 00 90 05 00 10 10 10");
   EXPECT_EQ(message(mc, Write{{kM, 3, 16}, {0x34, 0x12}}), "01 14 00 00 03 00 00 90 01 00 34 12");
-  expect_says(why_not(mc, Force{kD, 8, true}), "is a word");
+  expect_says(why_not(mc, Force{kD, 8, true}), "only whole words");
   expect_says(why_not(mc, Write{{kD, 8, 16}, {1, 2}}), "whole words");
   expect_says(why_not(mc, Write{{kD, 0, 32}, {1, 2}}), "32 bits with 2 bytes");
   expect_says(why_not(mc, Write{{kD, 7999 * 16, 32}, {1, 2, 3, 4}}), "does not exist");

@@ -209,7 +209,7 @@ TEST(OneE, WholeWordsOfBitsGoBy03AndOthersBy02) {
   EXPECT_EQ(sent(plc(), Write{span("TS0", 16), {0x01, 0x80}}),
             "02 FF 0A 00 00 00 00 00 53 54 10 00 10 00 00 00 00 00 00 01");
   EXPECT_EQ(sent(plc(), Force{id(Space::y), 15, true}), "02 FF 0A 00 0F 00 00 00 20 59 01 00 10");
-  EXPECT_EQ(sent(plc(), Force{id(Space::d), 15, true}), "D0 is a word: only bits can be forced");
+  EXPECT_EQ(sent(plc(), Force{id(Space::d), 15, true}), "D0: only whole words can be written");
 }
 
 TEST(OneE, OneFrameCarries80BitsOrTenWords) {
