@@ -10,10 +10,6 @@ namespace {
 // The bus accepts answers of up to 4096 bytes. Words carry the same bits in fewer bytes.
 constexpr std::uint32_t kSerialBits = 3584;
 
-constexpr std::uint32_t kRandom = 192;
-constexpr std::uint32_t kRandomCost = 1920;
-constexpr std::uint32_t kRandomBits = 188;
-
 }  // namespace
 
 Result<Dialect> dialect_from(Frame frame, const Options& options) {
@@ -64,12 +60,12 @@ Limits limits_of(const Dialect& dialect, bool long_codes) {
   const bool is_ascii = dialect.code == Code::ascii;
   const bool is_wide = series == Series::q_l || series == Series::iq_r;
   const bool has_blocks = series == Series::iq_f || series == Series::iq_r;
-  Limits limits{is_ascii && !is_wide ? 480U : 960U,
-                (is_ascii ? 1792U : 3584U) * (is_wide ? 2U : 1U),
-                kRandom,
-                kRandomCost,
-                kRandomBits,
-                has_blocks ? 120U : 0U};
+  Limits limits{.words = is_ascii && !is_wide ? 480U : 960U,
+                .bits = (is_ascii ? 1792U : 3584U) * (is_wide ? 2U : 1U),
+                .random = 192,
+                .random_cost = 1920,
+                .random_bits = 188,
+                .blocks = has_blocks ? 120U : 0U};
   if (long_codes) {
     limits.random /= 2;
     limits.random_cost /= 2;
@@ -176,7 +172,7 @@ std::uint32_t max_write_bits(const Dialect& dialect, std::uint16_t space_id) {
   const std::uint32_t unit = std::max<std::uint32_t>(bits, 8);
   const std::uint32_t most = bits == 1    ? limits.bits
                              : bits == 16 ? limits.words * bits
-                                          : limits.random_cost / 14 * bits;
+                                          : limits.random_cost / kDwordCost * bits;
   return std::max(std::min(most, dialect.max_block_bytes * 8) / unit * unit, unit);
 }
 

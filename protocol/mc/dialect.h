@@ -71,12 +71,15 @@ inline constexpr std::uint8_t kPlainCodes = 0x80;
 /// True if requests by this way have the 2-byte codes and 4-byte numbers of iQ-R.
 bool has_long_codes(const Dialect& dialect, std::uint8_t way);
 
+/// Cost of a word and of a double word in a 1402 (SH-080008).
+inline constexpr std::uint32_t kWordCost = 12;
+inline constexpr std::uint32_t kDwordCost = 14;
 /// Limits of one request.
 struct Limits {
   std::uint32_t words = 0;        ///< 0401 and 1401, also for words of bit devices
   std::uint32_t bits = 0;         ///< 0401 and 1401
   std::uint32_t random = 0;       ///< words and double words of 0403
-  std::uint32_t random_cost = 0;  ///< 1402: a sum; a word counts 12, a double word 14
+  std::uint32_t random_cost = 0;  ///< 1402: sum of kWordCost and kDwordCost
   std::uint32_t random_bits = 0;  ///< 1402
   std::uint32_t blocks = 0;       ///< 0406; 0: the PLC lacks it or may lack it
 };

@@ -15,9 +15,6 @@ constexpr std::size_t kModelCode = 2;
 
 // ---- scattered places: 0403 (random read), 0406 (blocks), 1402 (random write) -----------------
 
-constexpr std::uint32_t kWordCost = 12;  // SH-080008: a word costs 12, a double word 14
-constexpr std::uint32_t kDwordCost = 14;
-
 tl::unexpected<Error> cannot() {
   return fail(ErrorCode::unsupported, "these places do not fit in one frame");
 }
