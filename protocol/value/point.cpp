@@ -19,6 +19,8 @@ constexpr auto kTypes =
 constexpr auto kBits = std::to_array<std::uint32_t>({1, 16, 16, 32, 32, 32, 16, 32, 0, 64, 64, 64});
 static_assert(kTypes.size() == static_cast<std::size_t>(DataType::float64) + 1);
 static_assert(kBits.size() == kTypes.size());
+// By ByteOrder.
+constexpr auto kOrders = std::to_array<std::string_view>({"ABCD", "CDAB", "BADC", "DCBA"});
 
 /// The largest float32, with the digits that samples have.
 constexpr double kLargestSingle = 3.4028235e38;
@@ -50,18 +52,15 @@ Result<DataType> data_type_from(std::string_view word) {
 }
 
 Result<ByteOrder> byte_order_from(std::string_view word) {
-  if (word == "ABCD" || word == "high_first") return ByteOrder::abcd;
-  if (word == "CDAB" || word == "low_first") return ByteOrder::cdab;
-  if (word == "BADC") return ByteOrder::badc;
-  if (word == "DCBA") return ByteOrder::dcba;
+  if (word == "high_first") return ByteOrder::abcd;
+  if (word == "low_first") return ByteOrder::cdab;
+  const auto known = std::ranges::find(kOrders, word);
+  if (known != kOrders.end()) return static_cast<ByteOrder>(known - kOrders.begin());
   return refuse("'" + std::string(word) +
                 "' is not an order; orders are low_first high_first ABCD CDAB BADC DCBA");
 }
 
-std::string_view to_string(ByteOrder order) {
-  constexpr std::array<std::string_view, 4> kOrders = {"ABCD", "CDAB", "BADC", "DCBA"};
-  return kOrders[static_cast<std::size_t>(order)];
-}
+std::string_view to_string(ByteOrder order) { return kOrders[static_cast<std::size_t>(order)]; }
 
 DataType default_type(const Address& address) {
   switch (address.unit) {

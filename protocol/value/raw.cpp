@@ -27,28 +27,17 @@ tl::unexpected<Error> not_finite() { return refuse("scaled value is not finite")
 }  // namespace
 
 Limits limits_of(DataType type, std::uint32_t bits) {
-  const std::uint64_t all_ones = ~std::uint64_t{0} >> (64 - bits);
-  const auto half = static_cast<std::int64_t>(all_ones >> 1);
-  switch (type) {
-    case DataType::bcd16:
-    case DataType::bcd32: {
-      std::uint64_t power = 1;
-      for (std::uint32_t digit = 0; digit < bits / 4; ++digit) power *= 10;
-      return {0, power - 1};
-    }
-    // A group with fewer bits than its type is unsigned: K2M0 ranges from 0 to 255.
-    case DataType::int16:
-      if (bits == 16) return {-half - 1, all_ones >> 1};
-      break;
-    case DataType::int32:
-      if (bits == 32) return {-half - 1, all_ones >> 1};
-      break;
-    case DataType::int64:
-      return {-half - 1, all_ones >> 1};
-    default:
-      break;
+  if (is_bcd(type)) {
+    std::uint64_t power = 1;
+    for (std::uint32_t digit = 0; digit < bits / 4; ++digit) power *= 10;
+    return {0, power - 1};
   }
-  return {0, all_ones};
+  const std::uint64_t all_ones = ~std::uint64_t{0} >> (64 - bits);
+  const bool is_signed =
+      type == DataType::int16 || type == DataType::int32 || type == DataType::int64;
+  // A group with fewer bits than its type is unsigned: K2M0 ranges from 0 to 255.
+  if (!is_signed || bits < bits_of_type(type)) return {0, all_ones};
+  return {-static_cast<std::int64_t>(all_ones >> 1) - 1, all_ones >> 1};
 }
 
 std::uint64_t reordered(std::uint64_t number, std::uint32_t bits, ByteOrder order) {
