@@ -10,9 +10,10 @@
 
 namespace fxagent {
 
-/// A command that reads one run of bits. It can read every run that begins at a multiple of
-/// `align_bits`, is a whole number of `unit_bits` long, at most `max_bits`, and lies inside
-/// [first_bit, end_bit).
+/// A command that reads one run of bits. The run
+/// * lies inside [first_bit, end_bit),
+/// * begins at a multiple of `align_bits`,
+/// * consists of whole units of `unit_bits`, at most `max_bits` together.
 ///
 /// Example: Modbus function 03 reads up to 125 of 65,536 registers of 16 bits:
 ///   {.end_bit = 65536 * 16, .align_bits = 16, .unit_bits = 16, .max_bits = 125 * 16}
@@ -49,7 +50,8 @@ struct Extent {
 };
 
 /// Returns the shortest read by `way` that covers `wanted`. nullopt if the way does not reach it or
-/// cannot carry that much. Example: with units of 16 bits, bits 20 to 30 take [16, 32).
+/// cannot carry that much. Example: if a way reads only whole words of 16 bits, [20, 30) takes the
+/// read [16, 32).
 std::optional<Extent> fit(const ReadWay& way, const Extent& wanted);
 /// True if reads by `way`, perhaps several, cover `span`.
 bool reaches(const ReadWay& way, const Span& span);

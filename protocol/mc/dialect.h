@@ -1,6 +1,6 @@
-// How a PLC is spoken to, and the differences between the series: limits of one request of 3E, 4E,
-// 3C and 4C, and the ways to read memory. Sources: SH-080008, JY997D56001; limits of random access
-// as measured on PLCs: protocol/README.md.
+// Settings of a PLC and its port that determine the frames, and the differences between the series:
+// limits of one request of 3E, 4E, 3C and 4C, and the ways to read memory. Sources: SH-080008,
+// JY997D56001; limits of random access as measured on PLCs: protocol/README.md.
 #pragma once
 
 #include <cstdint>
@@ -30,7 +30,7 @@ struct Route {
   friend bool operator==(const Route&, const Route&) = default;
 };
 
-/// How a PLC is spoken to: its model, and the settings of its port.
+/// Model of a PLC, and the settings of its port.
 struct Dialect {
   Frame frame = Frame::e3;
   Model model = Model::unknown;
