@@ -231,8 +231,8 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
       });
   if (guarded) {
     const auto now = std::chrono::steady_clock::now();
-    const auto heard = pair ? pair->hand_over_to(*store) : std::vector<JournalEntry>();
-    commands.restore(recover(config, guarded->journal(), utc_now_ms(), now, heard), now,
+    const auto newer = pair ? pair->hand_over_to(*store) : store->journal().unwritten();
+    commands.restore(recover(config, guarded->journal(), utc_now_ms(), now, newer), now,
                      utc_now_ms());
   }
   JsonPayload payload(config, settings.boot, settings.version);

@@ -44,6 +44,7 @@ Recovered recover_unanswered(const Config& config, CommandJournal& journal, Jour
                              const std::string& topic, std::int64_t utc_ms, SteadyTime now);
 /// Same for the contents of a journal that opened later.
 Recovered recover(const Config& config, CommandJournal& journal, std::vector<KnownId> ids,
-                  std::vector<JournalEntry> unacknowledged, std::int64_t utc_ms, SteadyTime now);
+                  std::vector<JournalEntry> unacknowledged, std::int64_t utc_ms, SteadyTime now,
+                  const std::vector<JournalEntry>& newer = {});
 
 }  // namespace fxagent

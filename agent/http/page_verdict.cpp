@@ -91,8 +91,7 @@ class Examination final {
           status_.store_since_ms);
     else if (status_.store_state == "memory")
       add(Severity::bad, "store",
-          "The store on disk cannot be written; samples, command ids and the audit are in memory "
-          "only",
+          "The store on disk cannot be written; samples and audit records are in memory only",
           "Check free space and rights of " + config_.store.path +
               ", and the log. Do not restart the agent before: a restart loses them.",
           status_.store_since_ms);

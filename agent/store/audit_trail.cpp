@@ -42,11 +42,15 @@ void AuditTrail::load(SQLite::Database& database) {
   // finds the break.
   const auto last = from_sql(database.execAndGet("SELECT max(n) FROM audit").getInt64());
   kept_.head.records = std::max(kept_.head.records, last);
-  std::uint64_t given = last_command_number_;
-  while (given < kept_.arrivals &&
-         !last_command_number_.compare_exchange_weak(given, kept_.arrivals)) {
-  }
+  count_above(kept_.arrivals);
   first_of_run_ = kept_.head.records + 1;
+}
+
+void AuditTrail::count_above(std::uint64_t command_number) {
+  std::uint64_t given = last_command_number_;
+  while (given < command_number &&
+         !last_command_number_.compare_exchange_weak(given, command_number)) {
+  }
 }
 
 void AuditTrail::unload(Rows) {

@@ -43,6 +43,8 @@ class AuditTrail final : public StorePart {
   std::uint64_t last_command_number() const { return last_command_number_; }
   /// Without a file, numbers start here: above those of a later file, unless the clock went back.
   void count_from(std::uint64_t command_number) { last_command_number_ = command_number; }
+  /// Numbers continue above this one.
+  void count_above(std::uint64_t command_number);
 
   /// Adds a record's body. It is written within 200 ms, or once the disk accepts it.
   void note(std::string body) { waiting_.note(std::move(body)); }

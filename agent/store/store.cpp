@@ -23,6 +23,7 @@ Store::Store(const StoreConfig& config, std::int64_t utc_ms)
   disk_.open();
   samples_.begin_run();
   if (!disk_.is_open()) audit_.count_from(static_cast<std::uint64_t>(utc_ms));
+  if (disk_.is_locked()) journal_.open_unrecorded_file();
   journal_.begin_run(audit_.last_command_number() + 1);
   started_.begin_run(audit_.last_command_number() + 1);
   if (disk_.is_open()) started_.go_on();
@@ -40,11 +41,13 @@ void Store::open_late() {
   disk_.open();
   if (!is_writable()) return;
   started_.begin_anew(audit_.last_command_number() + 1);
+  std::vector<JournalEntry> newer = journal_.open_unrecorded_file();
   if (is_own) return;
   samples_.begin_run();
   // If the clock started in the past, commands of this run have lower numbers than earlier ones.
   journal_.age_earlier_runs();
   find_commands();
+  found_late_->newer = std::move(newer);
   if (disk_.is_open()) found_late_->numbers = numbers_.above_ours();  // closed if damaged
 }
 
@@ -75,6 +78,7 @@ bool Store::try_the_disk(SteadyTime now) {
   numbers_.write_all();
   disk_.move_stored_times();
   if (!disk_.flush()) return false;
+  journal_.open_unrecorded_file();  // there was no room for it
   log::info("store", {{"state", "disk"}, {"rows", std::to_string(samples_.rows())}});
   return true;
 }
@@ -82,7 +86,7 @@ bool Store::try_the_disk(SteadyTime now) {
 bool Store::note_time(SteadyTime now, std::int64_t utc_ms) {
   disk_.note_time(now, utc_ms);
   if (!running_since_) running_since_ = now;
-  if (!is_writable()) return !try_at_ || now >= *try_at_;
+  if (!is_writable()) return !try_at_ || now >= *try_at_ || journal_.has_unkept();
   return is_flush_due(now) || now >= clean_up_at_ || disk_.has_times_to_move() ||
          audit_.is_too_large();
 }
@@ -93,6 +97,7 @@ bool Store::is_flush_due(SteadyTime now) const {
 
 void Store::upkeep(SteadyTime now, std::int64_t utc_ms) {
   if (!note_time(now, utc_ms)) return;
+  if (!is_writable()) journal_.keep_unrecorded();
   if (!is_writable() && !try_the_disk(now)) return;
   try_at_.reset();
   disk_.move_stored_times();
@@ -118,8 +123,8 @@ bool Store::has_pending() const {
 }
 
 void Store::close() {
-  if (!is_writable()) return;
-  disk_.flush();
+  // Marks and UnrecordedFile stay for the next start if the database does not have all commands.
+  if (!is_writable() || !disk_.flush()) return journal_.keep_unrecorded();
   numbers_.write_last();
   // The standby of a pair may close it with commands that have no result: the marks tell of them.
   const auto has_result = [](const JournalEntry& entry) { return !entry.result.empty(); };

@@ -1,7 +1,7 @@
 // The store on disk: samples that were not acknowledged, the journal of commands, the audit trail,
 // and the sequence number of each device. One SQLite file, fxagent.db, in its own directory, with
-// fxagent.lock, fxagent.db.started and fxagent.db.behind next to it. The parts define the contents;
-// the store opens the file and schedules the work.
+// fxagent.lock, fxagent.db.started, .unrecorded and .behind next to it. The parts define the
+// contents; the store opens the file and schedules the work.
 //
 // One thread at a time: the thread that made it, then the uplink's, which runs disk access on the
 // disk's thread (guarded_store.h). Two exceptions: started().mark() runs on a thread of its own,
@@ -71,7 +71,7 @@ class Store final {
   /// True if upkeep() has something to write soon.
   bool has_pending() const;
   /// Clean end: writes what is pending and closes the file. The next boot continues right after the
-  /// numbers used. Does nothing while the disk refuses writes.
+  /// numbers used. While the disk refuses writes, only brings UnrecordedFile up to date.
   void close();
 
   /// Left by earlier runs in a file that could not be opened, or whose commands could not be read,
@@ -79,6 +79,7 @@ class Store final {
   struct FoundLate {
     std::vector<KnownId> ids;                      ///< from known_ids()
     std::vector<JournalEntry> unacknowledged;      ///< from unacknowledged()
+    std::vector<JournalEntry> newer;               ///< from open_unrecorded_file()
     std::map<std::string, std::uint64_t> numbers;  ///< by device, if above this run's
   };
   /// Returns it once after such a file was read. Until then none of its ids were known.

@@ -124,7 +124,7 @@ void Publisher::take_found_late(SteadyTime now) {
   auto late = store_ == nullptr || is_changing_ ? std::nullopt : store_->take_found_late();
   if (!late) return;
   Recovered known = recover(config_, store_->journal(), std::move(late->ids),
-                            std::move(late->unacknowledged), utc_ms_(), now);
+                            std::move(late->unacknowledged), utc_ms_(), now, late->newer);
   commands_.restore(std::move(known), now, utc_ms_());
   std::vector<std::uint64_t> numbers;  // 0: not above this run's
   for (const DeviceConfig& device : std::as_const(config_).devices)
@@ -294,8 +294,8 @@ void Publisher::keep_shutdown(SteadyTime now) {
         "commands_not_recorded",
         {{"count", std::to_string(left)},
          {"note",
-          "the disk refused them: the next start does not know their ids, and the audit does "
-          "not have them all"}});
+          "the disk refused them: the audit does not have them all; fxagent.db.unrecorded keeps "
+          "the last ids for the next start"}});
 }
 
 // ---- config change ------------------------------------------------------------------------------

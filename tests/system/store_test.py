@@ -1,12 +1,14 @@
 """The promises of the store: samples, numbers and commands survive outages, restarts and kill -9. Contract, sections 3
 to 7."""
 
+import contextlib
 import os
 import signal
 import sqlite3
 import unittest
 
-from plant import BASE, PlantTest, device, wait_for
+from chaos_plant import Disk
+from plant import BASE, PlantTest, device, ends, wait_for
 
 
 class StoreLife(PlantTest):
@@ -28,6 +30,10 @@ class StoreLife(PlantTest):
     def log_of_the_store(self):
         with open(os.path.join(self.store["path"], "fxagent.db-wal"), "rb") as log:
             return log.read()
+
+    def ids_in(self, path):
+        with contextlib.closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as database:
+            return {row[0] for row in database.execute("SELECT id FROM orders")}
 
     def kill(self):
         self.assertEqual(self.agent.stop(signal.SIGKILL), -signal.SIGKILL)
@@ -152,6 +158,49 @@ class StoreLife(PlantTest):
         self.broker_back()
         self.agent.start()
         self.assert_result(self.result("across"), "SUCCEEDED", None, "ACK")
+
+    def test_commands_that_a_full_disk_refused_are_known_after_each_restart(self):
+        disk = Disk(self.directory)
+        self.stack.callback(disk.close)
+        if not disk.is_mounted:
+            self.skipTest("no file system can be mounted here, and a limit of file sizes silences the log")
+        store = os.path.join(disk.path, "store")
+        database = os.path.join(store, "fxagent.db")
+        self.start([device(timeout_ms=3000)], store={"path": store})
+        self.state("press1", "online")
+        self.assertTrue(disk.fill(self.agent.process.pid))
+        ids = []
+
+        def refused():
+            ids.append(f"full-{len(ids)}")
+            self.succeed(id=ids[-1], op="force_on", address="M150")
+            return "state=memory" in self.agent.logged()
+
+        wait_for("a commit that fails", refused)
+        ids.append("full-last")
+        self.succeed(id=ids[-1], op="force_on", address="M150")
+        self.succeed(op="read", tag="temp")  # the PUBACK of the result before has arrived
+        self.sim.fault("press1", "silent", match="force", count=1)
+        self.send({"id": 4711, "op": "force_on", "address": "M151"})
+        wait_for("the command on the wire", lambda: self.sim.struck("silent"))
+        carried_out = len(self.sim.commands("press1"))
+        for end, heal in ((signal.SIGKILL, False), (signal.SIGTERM, True), (signal.SIGKILL, False)):
+            self.agent.stop(end, expected=None)
+            if heal:
+                disk.heal(None)
+            else:
+                disk.fill(None)
+            since = self.start_again()
+            self.state("press1", "online", since)
+            if heal:
+                wait_for("the commands in the database", lambda: "full-last" in self.ids_in(database))
+            for known in [*ids, 4711]:
+                again = self.command(id=known, op="force_off", address="M150")
+                self.assert_result(again, "DUPLICATE", "duplicate_id", None if known == 4711 else "ACK")
+                self.assertEqual(len(self.own_results(known)), 1, self.own_results(known))
+        self.assert_result(self.own_results(4711)[0], "UNKNOWN_OUTCOME", "interrupted")
+        self.assertEqual(len(self.sim.commands("press1")), carried_out)
+        ends(0, "audit", self.agent.path, "--verify")
 
     def test_a_damaged_file_is_set_aside(self):
         self.start_stored()

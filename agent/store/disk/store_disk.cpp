@@ -152,7 +152,7 @@ void StoreDisk::refused(const std::string& why) {
                          {"path", config_.path},
                          {"reason", why},
                          {"note",
-                          "commands are carried out, but samples, command ids and audit are in "
+                          "commands are carried out, but samples and audit records are in "
                           "memory only: free or repair the disk, and do not restart before"}});
   last_failure_ = why;
   writable_ = false;

@@ -104,6 +104,8 @@ class StoreDisk final {
   void close();
 
   bool is_open() const { return file_ != nullptr; }
+  /// True while no other process can use the directory.
+  bool is_locked() const { return lock_ != nullptr; }
   bool is_writable() const { return writable_; }
   /// Reason why the disk is not writable; empty while it is.
   const std::string& last_failure() const { return last_failure_; }

@@ -83,6 +83,12 @@ std::string fault_of_system(const std::string& what) {
   return what + ": " + std::generic_category().message(errno);
 }
 
+bool write_at(int handle, const void* data, std::size_t size, std::size_t at) {
+  const auto written = ::pwrite(handle, data, size, static_cast<off_t>(at));
+  if (written >= 0 && static_cast<std::size_t>(written) < size) errno = ENOSPC;
+  return written == static_cast<ssize_t>(size);
+}
+
 std::string why_not_ours(int handle, const std::string& path) {
   struct stat found {};
   if (::fstat(handle, &found) != 0) return fault_of_system(path);

@@ -6,6 +6,7 @@
 
 #include <atomic>
 #include <condition_variable>
+#include <cstddef>
 #include <mutex>
 #include <optional>
 #include <stop_token>
@@ -52,6 +53,9 @@ class DirectoryLock final {
 
 /// Returns "WHAT: " and the reason that errno has.
 std::string fault_of_system(const std::string& what);
+
+/// Returns false, with errno set, if part of `data` was not written.
+bool write_at(int handle, const void* data, std::size_t size, std::size_t at);
 
 /// Returns that a running agent has locked the directory, and what to do.
 std::string in_use(const std::string& directory);

@@ -36,13 +36,6 @@ std::int64_t file_time() {
   return nanoseconds_of(now.tv_sec, now.tv_nsec);
 }
 
-/// Returns false, with errno set, if part of it was not written.
-bool write_whole(int handle, const void* data, std::size_t size, std::size_t at) {
-  const auto written = ::pwrite(handle, data, size, static_cast<off_t>(at));
-  if (written >= 0 && static_cast<std::size_t>(written) < size) errno = ENOSPC;
-  return written == static_cast<ssize_t>(size);
-}
-
 }  // namespace
 
 /// Layout of the file: this head, then kKept records. Numbers in the machine's byte order.
@@ -125,7 +118,7 @@ void StartedCommands::mark(std::uint64_t number) {
   // The same write overwrites an older mark and raises the floor above its command.
   if (marks_ >= kKept) floor_ = std::max(floor_, numbers_[place] + 1);
   const Record record{marks_ + 1, number, floor_, file_time()};
-  if (!write_whole(handle_, &record, sizeof record, sizeof(Head) + place * sizeof record))
+  if (!write_at(handle_, &record, sizeof record, sizeof(Head) + place * sizeof record))
     return withdraw(fault_of_system("write"));
   ++marks_;
   numbers_[place] = number;
@@ -210,7 +203,7 @@ void StartedCommands::make(std::uint64_t next_number) {
       ::open(path_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, S_IRUSR | S_IWUSR));
   if (handle_ < 0) return withdraw(fault_of_system("open"));
   const Content content{*head, {}};
-  if (!write_whole(handle_, &content, sizeof content, 0)) return withdraw(fault_of_system("write"));
+  if (!write_at(handle_, &content, sizeof content, 0)) return withdraw(fault_of_system("write"));
   floor_ = next_number;
   marks_ = 0;
   numbers_.assign(kKept, 0);

@@ -31,7 +31,16 @@ bool StoredJournal::journal(std::span<const JournalEntry> entries) {
     waiting_.put(std::move(entry));
   }
   // A fresh file may have replaced a damaged one.
-  return disk_.is_writable() && disk_.flush();
+  if (disk_.is_writable() && disk_.flush()) return true;
+  for (const JournalEntry& entry : entries)
+    if (const JournalEntry* waits = waiting_.find(entry.device, entry.id)) keep(*waits);
+  unrecorded_file_.synchronise();
+  return false;
+}
+
+/// Refused commands may be forgotten, and a flood of them must not replace others.
+void StoredJournal::keep(const JournalEntry& entry) {
+  if (!entry.refused) unrecorded_file_.keep(entry);
 }
 
 void StoredJournal::record(std::vector<JournalEntry> entries) {
@@ -77,8 +86,10 @@ std::vector<JournalEntry> StoredJournal::unwritten() {
   std::set<std::pair<std::string, std::string>> acknowledged;  // device and id
   for (const Acknowledgement& each : to_acknowledge_) acknowledged.emplace(each.device, each.id);
   for (const JournalEntry& entry : waiting_) {
-    entries.push_back(entry);
-    entries.back().acknowledged = acknowledged.erase({entry.device, entry.id}) != 0;
+    JournalEntry& added = entries.emplace_back(entry);
+    added.acknowledged = acknowledged.erase({entry.device, entry.id}) != 0;
+    if (added.result.empty() && started_.surely_not_sent(added.number))
+      added.surely_not_sent = true;
   }
   for (const auto& [device, id] : acknowledged) {
     auto entry = find(device, id);
@@ -87,6 +98,45 @@ std::vector<JournalEntry> StoredJournal::unwritten() {
     entries.push_back(*std::move(entry));
   }
   return entries;
+}
+
+std::vector<JournalEntry> StoredJournal::open_unrecorded_file() {
+  std::vector<JournalEntry> left;
+  for (JournalEntry& entry : unrecorded_file_.open()) {
+    audit_.count_above(entry.number);
+    const auto known = find(entry.device, entry.id);
+    const bool is_result_new =
+        known && known->number == entry.number && known->result.empty() && !entry.result.empty();
+    if (!known || known->number < entry.number || is_result_new) {
+      // Their records waited in memory.
+      audit_.lose((is_result_new ? 0U : 1U) + (entry.result.empty() ? 0U : 1U));
+      waiting_.put(entry);
+    } else if (known->number > entry.number || known->acknowledged || !entry.acknowledged) {
+      continue;
+    }
+    if (entry.acknowledged) acknowledge(entry.device, entry.id, entry.number);
+    left.push_back(std::move(entry));
+  }
+  kept_ = to_acknowledge_.size();
+  return left;
+}
+
+void StoredJournal::keep_unrecorded() {
+  if (std::exchange(have_times_moved_, false))
+    for (const JournalEntry& entry : unwritten()) keep(entry);
+  for (; kept_ < to_acknowledge_.size(); ++kept_) {
+    const Acknowledgement& each = to_acknowledge_[kept_];
+    auto entry = find(each.device, each.id);
+    if (!entry || entry->number != each.number) continue;
+    entry->acknowledged = true;
+    keep(*entry);
+  }
+  unrecorded_file_.synchronise();
+}
+
+void StoredJournal::move_waiting_times(std::int64_t by_ms) {
+  waiting_.move_times(by_ms);
+  have_times_moved_ = true;
 }
 
 void StoredJournal::shrink() {
@@ -137,7 +187,9 @@ void StoredJournal::committed() {
   table_->committed();
   waiting_.drop_first(written_);
   if (is_acknowledged_) to_acknowledge_.clear();
+  kept_ = std::min(kept_, to_acknowledge_.size());
   written_ = 0;
+  if (!has_pending()) unrecorded_file_.clear();
 }
 
 }  // namespace fxagent

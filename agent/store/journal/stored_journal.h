@@ -1,6 +1,6 @@
-// The journal of commands on disk. Entries that the disk refuses wait in memory until it accepts
-// them. An audit record is in the same commit as its entry, unless the disk refused that commit.
-// The store's thread.
+// The journal of commands on disk. Entries that the database refuses wait in memory, and in
+// UnrecordedFile for a restart, until it accepts them. An audit record is in the same commit as its
+// entry, unless the disk refused that commit. The store's thread.
 #pragma once
 
 #include <cstddef>
@@ -17,6 +17,7 @@
 #include "agent/store/journal/command_table.h"
 #include "agent/store/journal/started_commands.h"
 #include "agent/store/journal/unrecorded_commands.h"
+#include "agent/store/journal/unrecorded_file.h"
 
 namespace fxagent {
 
@@ -25,7 +26,11 @@ class StoredJournal final : public CommandJournal, public StorePart {
   /// The referenced objects outlive it.
   StoredJournal(const StoreConfig& config, StoreDisk& disk, AuditTrail& audit,
                 StartedCommands& started)
-      : config_(config), disk_(disk), audit_(audit), started_(started) {}
+      : config_(config),
+        disk_(disk),
+        audit_(audit),
+        started_(started),
+        unrecorded_file_(config.path) {}
 
   std::uint64_t next_command_number() override { return audit_.next_command_number(); }
   void note(std::string audit) override { audit_.note(std::move(audit)); }
@@ -51,6 +56,15 @@ class StoredJournal final : public CommandJournal, public StorePart {
   /// Returns every entry of which the disk has refused a part, as it stands in memory.
   std::vector<JournalEntry> unwritten();
 
+  /// Opens or makes UnrecordedFile, unless it is open. Returns the entries of an earlier run in it
+  /// that differ from the database; they are unwritten now, and command numbers continue above
+  /// theirs. Call only while the directory is locked.
+  std::vector<JournalEntry> open_unrecorded_file();
+  /// True if keep_unrecorded() has something to write.
+  bool has_unkept() const { return kept_ < to_acknowledge_.size() || have_times_moved_; }
+  /// Call while the disk refuses: brings UnrecordedFile up to date with acknowledgements and times.
+  void keep_unrecorded();
+
   /// If commands take more than half of max_bytes, deletes refused ones, then acknowledged results,
   /// oldest first. Samples make room for the rest.
   void shrink();
@@ -68,7 +82,7 @@ class StoredJournal final : public CommandJournal, public StorePart {
   void begin_commit() override;
   bool write_pending(std::size_t at_most) override;
   void committed() override;
-  void move_waiting_times(std::int64_t by_ms) override { waiting_.move_times(by_ms); }
+  void move_waiting_times(std::int64_t by_ms) override;
   void move_stored_times(std::int64_t by_ms) override;
 
  private:
@@ -82,6 +96,8 @@ class StoredJournal final : public CommandJournal, public StorePart {
   /// Within a commit: writes a command before it is carried out, or its result if it has one.
   /// Throws SQLite::Exception.
   void write(const JournalEntry& entry);
+  /// Writes an entry that waits to UnrecordedFile.
+  void keep(const JournalEntry& entry);
   /// Runs `work`, unless an earlier read of all devices has failed.
   void read(const std::string& device, const StoreDisk::Work& work);
 
@@ -91,9 +107,12 @@ class StoredJournal final : public CommandJournal, public StorePart {
   StartedCommands& started_;
   std::optional<CommandTable> table_;            ///< of the open file
   UnrecordedCommands waiting_;                   ///< commands and results not in the file yet
+  UnrecordedFile unrecorded_file_;               ///< the same, for a restart
   std::vector<Acknowledgement> to_acknowledge_;  ///< acknowledged by the broker, not written yet
   std::size_t written_ = 0;                      ///< of waiting_, in the open commit
   bool is_acknowledged_ = false;                 ///< to_acknowledge_ is in the open commit
+  std::size_t kept_ = 0;                         ///< of to_acknowledge_, in UnrecordedFile
+  bool have_times_moved_ = false;                ///< since UnrecordedFile was up to date
   bool is_unread_ = false;                       ///< until take_unread()
   bool was_read_ = true;                         ///< see was_read()
   std::uint64_t first_of_run_ = 0;

@@ -147,7 +147,7 @@ TEST(PageVerdict, EachOtherFaultHasItsSentenceAndCure) {
            Case{[](AgentStatus& s) { s.broker.not_heard_why = "not authorised"; },
                 "not authorised"},
            Case{[](AgentStatus& s) { s.store_state = "memory"; },
-                "samples, command ids and the audit are in memory only"},
+                "samples and audit records are in memory only"},
            Case{[](AgentStatus& s) { s.store_state = "hangs"; }, "does not respond"},
            Case{[](AgentStatus& s) { s.store_set_aside = "fxagent.db.bad"; }, "fxagent.db.bad"},
            Case{[](AgentStatus& s) {

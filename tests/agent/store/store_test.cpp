@@ -26,7 +26,8 @@ TEST(Store, FilesAreTheOwnersAlone) {
     EXPECT_EQ(facts.st_mode & 0777, 0600U) << entry.path();
     ++files;
   }
-  EXPECT_EQ(files, 5U);  // the database, its WAL and the WAL's index; the lock; the marks
+  // The database, its WAL and the WAL's index; the lock; the marks; the refused commands.
+  EXPECT_EQ(files, 6U);
   ASSERT_EQ(::stat(shelf.config.path.c_str(), &facts), 0);
   EXPECT_EQ(facts.st_mode & 0777, 0700U);
 }
@@ -101,7 +102,7 @@ TEST(Store, DiskThatRefusesIsLoggedOnceWithWhatItMeansAndTheCure) {
   const std::string log = testing::internal::GetCapturedStderr();
   EXPECT_EQ(std::ranges::count(log, '\n'), 1) << log;
   test::expect_says(log,
-                    "commands are carried out, but samples, command ids and audit are in memory "
+                    "commands are carried out, but samples and audit records are in memory "
                     "only: free or repair the disk, and do not restart before");
 }
 

@@ -6,6 +6,7 @@
 
 #include "agent/cli/audit/audit_report.h"
 #include "agent/commands/recovery.h"
+#include "agent/store/journal/unrecorded_file.h"
 #include "agent/uplink/profile/json_profile.h"
 #include "agent/uplink/profile/outlet.h"
 #include "tests/agent/uplink/publisher_bench.h"
@@ -87,6 +88,11 @@ TEST_F(PublisherStoreOnlineTest, DuplicateBringsItsFirstResultFromTheJournal) {
 TEST(PublisherStore, StoreThatOpensLateTellsWhatItKnows) {
   const test::Scratch scratch;
   const std::string path = scratch.path("store");
+  JournalEntry refused;  // by a full disk
+  refused.device = "press1";
+  refused.id = "refused";
+  refused.number = 100;
+  refused.acknowledged = true;
   {
     Bench before(path);
     before.online();
@@ -95,6 +101,12 @@ TEST(PublisherStore, StoreThatOpensLateTellsWhatItKnows) {
     before.outbox.push(before.succeeded("done"));
     before.write("left");
     before.step();
+    refused.received_ms = refused.deadline_ms = before.utc();
+  }
+  {
+    UnrecordedFile file(path);
+    file.open();
+    file.keep(refused);
   }
   std::filesystem::rename(path, path + "-away");  // like a disk that is mounted late
   std::ofstream(path) << "a file in its place";
@@ -117,8 +129,9 @@ TEST(PublisherStore, StoreThatOpensLateTellsWhatItKnows) {
   EXPECT_EQ(bench.store->journal().find("press1", "own")->result, "");
   bench.write("done");
   bench.write("left");
-  EXPECT_EQ(bench.results().at(1)["status"], "DUPLICATE");
-  EXPECT_EQ(bench.results().at(2)["status"], "DUPLICATE");
+  bench.write("refused");
+  for (const std::size_t duplicate : {1U, 2U, 3U})
+    EXPECT_EQ(bench.results().at(duplicate)["status"], "DUPLICATE");
 }
 
 TEST(PublisherStore, RestartKnowsTheResultsAndPublishesWhatWasNotAcknowledged) {
