@@ -118,7 +118,6 @@ HttpRequest request_of(MHD_Connection* connection, const char* path) {
     return view_of(http.lookup_connection_value(connection, MHD_HEADER_KIND, name));
   };
   HttpRequest request{path, header(MHD_HTTP_HEADER_HOST), header(MHD_HTTP_HEADER_IF_NONE_MATCH)};
-  request.content_type = header(MHD_HTTP_HEADER_CONTENT_TYPE);
   request.authorization = header(MHD_HTTP_HEADER_AUTHORIZATION);
   request.origin = header(MHD_HTTP_HEADER_ORIGIN);
   request.fetch_site = header("Sec-Fetch-Site");

@@ -42,7 +42,6 @@ struct HttpRequest {
   // The rest is for POST.
   bool is_post = false;
   std::string_view body{};
-  std::string_view content_type{};
   std::string_view authorization{};
   std::string_view origin{};      ///< Origin; empty: none, so no browser sent it
   std::string_view fetch_site{};  ///< Sec-Fetch-Site; empty: none

@@ -32,7 +32,6 @@ struct PageCommandsTest : testing::Test {
     request.host = "127.0.0.1:8080";
     request.is_post = true;
     request.body = kCommand;
-    request.content_type = "application/json";
     request.authorization = "Bearer 0123456789abcdef";
     request.origin = "http://127.0.0.1:8080";
     request.fetch_site = "same-origin";
@@ -125,18 +124,6 @@ TEST_F(PageCommandsTest, OtherSitesAreRefused) {
   script.origin = "";
   script.fetch_site = "";
   EXPECT_EQ(refused(script), 0U);
-}
-
-TEST_F(PageCommandsTest, FormsAreRefused) {
-  for (const std::string_view type : {"", "text/plain", "application/x-www-form-urlencoded",
-                                      "multipart/form-data; boundary=application/json"}) {
-    HttpRequest one = request();
-    one.content_type = type;
-    EXPECT_EQ(refused(one), 415U) << type;
-  }
-  HttpRequest one = request();
-  one.content_type = "application/json; charset=utf-8";
-  EXPECT_EQ(refused(one), 0U);
 }
 
 TEST_F(PageCommandsTest, OnlyTheDeviceIsTakenOutOfTheCommand) {
