@@ -149,7 +149,10 @@ Config read_top(ConfigReader& reader, const ConfigNode& top, FilePrivacy privacy
   if (pair != nullptr) config.pair = read_pair(reader, *pair, config);
   Links links;
   const ConfigNode* link_array = reader.array(top, config_key("links"));
-  if (link_array != nullptr) links = read_links(reader, *link_array, config);
+  if (link_array != nullptr)
+    links = read_links(reader, *link_array, config);
+  else
+    links.names.add_unnamed();
   if (const ConfigNode* devices = reader.array(top, config_key("devices"))) {
     if (devices->children.empty()) reader.warn(*devices, "no devices: the agent reads nothing");
     read_devices(reader, top, *devices, links, config);

@@ -200,12 +200,12 @@ Links read_links(ConfigReader& reader, const ConfigNode& array, Config& config) 
     if (!reader.has_room(node, {.links = 1})) break;
     LinkConfig& link = config.links.emplace_back();
     LinkFacts& facts = links.facts.emplace_back();
-    if (!reader.check_object(node, config_section("links[]"))) continue;
-    if (const auto name = reader.name(node, config_key("links[].name"))) {
-      link.name = *name;
-      links.names.add(reader, *name, *node.find("name"),
-                      static_cast<std::uint32_t>(config.links.size() - 1));
+    if (!reader.check_object(node, config_section("links[]"))) {
+      links.names.add_unnamed();
+      continue;
     }
+    link.name = links.names.read(reader, node, config_key("links[].name"),
+                                 static_cast<std::uint32_t>(config.links.size() - 1));
     const ConfigNode* serial = reader.object(node, config_key("links[].serial"));
     const ConfigNode* tcp = reader.object(node, config_key("links[].tcp"));
     const ConfigNode* udp = reader.object(node, config_key("links[].udp"));
@@ -236,9 +236,8 @@ void join_link(ConfigReader& reader, const DeviceEntry& entry, Links& links, Dev
   const ConfigNode& given = *node.find("link");
   const auto index = links.names.find(*name);
   if (!index)
-    return reader.error(
-        given, "there is no link \"" + *name + "\"" +
-                   links.names.in_place_of(*name, reader, given, "; the config has no links"));
+    return links.names.report_unknown(reader, given, "there is no link", *name,
+                                      "; the config has no links");
   device.link = *index;
   LinkFacts& link = links.facts[*index];
   const ConfigNode* before = link.first_device;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <ranges>
 #include <unordered_map>
 #include <utility>
 
@@ -341,19 +342,38 @@ void NameTable::add(ConfigReader& reader, const std::string& name, const ConfigN
                            reader.place_of(*entry->second.node));
 }
 
+std::string NameTable::read(ConfigReader& reader, const ConfigNode& item, const ConfigKey& key,
+                            std::uint32_t index) {
+  const ConfigNode* node = item.find(key.name);
+  if (const auto name = reader.name(item, key)) {
+    add(reader, *name, *node, index);
+    return *name;
+  }
+  // "Line1" is reported here, and not once more at each "line1" that refers to it.
+  const std::string meant = node == nullptr ? "" : lower(reader.replaced(*node));
+  if (is_name(meant))
+    entries_.try_emplace(meant, Entry{index, node});
+  else
+    add_unnamed();
+  return {};
+}
+
 std::optional<std::uint32_t> NameTable::find(std::string_view name) const {
   const auto entry = entries_.find(name);
   return entry == entries_.end() ? std::nullopt : std::optional(entry->second.index);
 }
 
-std::string NameTable::in_place_of(std::string_view name, ConfigReader& reader,
-                                   const ConfigNode& at, std::string_view none) const {
-  if (entries_.empty()) return std::string(none);
-  if (!reader.may_suggest(at.offset)) return {};
-  std::vector<std::string_view> names;
-  names.reserve(entries_.size());
-  for (const auto& [known, entry] : entries_) names.push_back(known);
-  return fxagent::in_place_of(name, names);
+void NameTable::report_unknown(ConfigReader& reader, const ConfigNode& at, std::string_view what,
+                               std::string_view name, std::string_view none) const {
+  if (has_unnamed_) return;
+  std::string text = std::string(what) + " \"" + std::string(name) + "\"";
+  if (entries_.empty()) {
+    text += none;
+  } else if (reader.may_suggest(at.offset)) {
+    const auto names = std::views::keys(entries_);
+    text += in_place_of(name, std::vector<std::string_view>(names.begin(), names.end()));
+  }
+  reader.error(at, std::move(text));
 }
 
 }  // namespace fxagent

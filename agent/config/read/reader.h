@@ -137,11 +137,18 @@ class NameTable {
   /// Adds a name. If it is taken, reports an error at `node` that names the other place too.
   void add(ConfigReader& reader, const std::string& name, const ConfigNode& node,
            std::uint32_t index);
+  /// Reads the name of `item` from its member `key` and adds it. Returns an empty string if it is
+  /// wrong or absent, which is reported.
+  std::string read(ConfigReader& reader, const ConfigNode& item, const ConfigKey& key,
+                   std::uint32_t index);
+  /// Records an item of the list that has no readable name.
+  void add_unnamed() { has_unnamed_ = true; }
   std::optional<std::uint32_t> find(std::string_view name) const;
-  /// Returns in_place_of() of the unknown `name`, to append to the error at `at`; `none` if the
-  /// table is empty.
-  std::string in_place_of(std::string_view name, ConfigReader& reader, const ConfigNode& at,
-                          std::string_view none) const;
+  /// Reports the unknown `name` at `at`, as in "there is no link "x"; there are a, b". `what`
+  /// begins the text; `none` ends it if the table is empty. No report if an item has no readable
+  /// name: that item may be the one meant.
+  void report_unknown(ConfigReader& reader, const ConfigNode& at, std::string_view what,
+                      std::string_view name, std::string_view none) const;
 
  private:
   struct Entry {
@@ -149,6 +156,7 @@ class NameTable {
     const ConfigNode* node = nullptr;
   };
   std::map<std::string, Entry, std::less<>> entries_;
+  bool has_unnamed_ = false;
 };
 
 }  // namespace fxagent

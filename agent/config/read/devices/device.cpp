@@ -120,6 +120,8 @@ class DeviceReader {
   const ConfigNode& culprit(const Options& options, const Error& error) const;
   std::optional<std::string_view> read_model();
   void make_codec();
+  template <class Judge>
+  auto by_any_model(Judge judge);
   /// Makes the timeout longer than the time after which the device itself gives up and replies with
   /// an error; warns if a configured timeout is not longer.
   void outlast_device();
@@ -146,9 +148,11 @@ class DeviceReader {
   /// The device's codec, shared with `device_.codec`; that of the widest model if the PLC must be
   /// asked for its model. nullptr if protocol, model or options are wrong.
   std::shared_ptr<const Codec> codec_;
+  /// Codecs of all models if the one in the file is wrong; see by_any_model().
+  std::vector<std::shared_ptr<const Codec>> models_;
   NameTable groups_;
   NameTable tags_;
-  std::map<std::uint16_t, std::vector<ReadWay>> ways_;
+  std::map<std::uint16_t, std::vector<ReadWay>> ways_;  ///< of codec_
   const ConfigNode* first_torn_ = nullptr;  ///< address of the first value that takes several reads
   std::size_t torn_ = 0;                    ///< number of these values
 };
@@ -252,21 +256,40 @@ void DeviceReader::make_codec() {
     }
   }
 
-  const auto name = read_model();
-  if (!name) return;
-  options.insert_or_assign("model", std::string(*name));
+  const auto model = read_model();
+  options.insert_or_assign("model", std::string(model.value_or(kAutoModel)));
 
-  const auto made = shared_.protocol_of(protocol, options);
+  auto made = shared_.protocol_of(protocol, options);
   if (!made) {
-    reader_.error(culprit(options, made.error()), made.error().text);
-    return;
+    const ConfigNode& cause = culprit(options, made.error());
+    reader_.error(cause, made.error().text);
+    if (const OptionSpec* spec = option_named(protocol, cause.key))
+      options.insert_or_assign(cause.key, spec->fallback);
+    made = shared_.protocol_of(protocol, options);
+    if (!made) return;
   }
   device_.codec = made->codec;
   device_.options = made->options;
   codec_ = widest_of(protocol, made->codec);
+  if (!model) models_ = shared_.models_of(protocol, *made->codec);
 
   if (const auto* bytes = option<std::int64_t>(options, "max_block_bytes"))
     device_.max_block_bytes = static_cast<std::uint32_t>(*bytes);
+}
+
+/// Returns judge() of the device's addresses. If the model in the file is wrong, returns an error
+/// only if every model has one; otherwise continues with the codec of a model that has none.
+template <class Judge>
+auto DeviceReader::by_any_model(Judge judge) {
+  auto result = judge(codec_->addresses());
+  for (auto model = models_.begin(); !result && model != models_.end(); ++model) {
+    auto other = judge((*model)->addresses());
+    if (!other) continue;
+    codec_ = *model;
+    ways_.clear();
+    result = std::move(other);
+  }
+  return result;
 }
 
 void DeviceReader::read_rest() {
@@ -328,17 +351,18 @@ void DeviceReader::read_groups() {
   if (!reader_.has_room(entry_.node(), {.groups = nodes.size()})) return;
   for (const ConfigNode* group_node : nodes) {
     const ConfigNode& node = *group_node;
-    if (!reader_.check_object(node, config_section("devices[].groups[]"))) continue;
+    if (!reader_.check_object(node, config_section("devices[].groups[]"))) {
+      groups_.add_unnamed();
+      continue;
+    }
     GroupConfig group;
-    group.name = reader_.name(node, config_key("devices[].groups[].name")).value_or("");
+    group.name = groups_.read(reader_, node, config_key("devices[].groups[].name"),
+                              static_cast<std::uint32_t>(device_.groups.size()));
     reader_.set_integer(group.interval, node, config_key("devices[].groups[].interval_ms"));
     group.on_change =
         reader_.choice_or_default(node, config_key("devices[].groups[].publish")) == 1;
     reader_.set_integer(group.max_silent, node, config_key("devices[].groups[].max_silent_s"));
     warn_of_silence(reader_, node, group);
-    if (!group.name.empty())
-      groups_.add(reader_, group.name, *node.find("name"),
-                  static_cast<std::uint32_t>(device_.groups.size()));
     device_.groups.push_back(std::move(group));
   }
 }
@@ -351,8 +375,7 @@ std::uint32_t DeviceReader::group_of(const ConfigNode& tag) {
   const std::string name = given.value_or(std::string(default_group));
   if (const auto index = groups_.find(name)) return *index;
   if (name != default_group) {
-    reader_.error(*node, "this device has no group \"" + name + "\"" +
-                             groups_.in_place_of(name, reader_, *node, "; it has no groups"));
+    groups_.report_unknown(reader_, *node, "this device has no group", name, "; it has no groups");
     return 0;
   }
   // Create the default group, which the device does not define, with the first tag that uses it.
@@ -394,10 +417,8 @@ void DeviceReader::warn_of_torn_values() {
 void DeviceReader::read_tag(const ConfigNode& node) {
   if (!reader_.check_object(node, config_section("devices[].tags[]"))) return;
   TagConfig tag;
-  if (const auto name = reader_.name(node, config_key("devices[].tags[].name"))) {
-    tag.name = *name;
-    tags_.add(reader_, *name, *node.find("name"), static_cast<std::uint32_t>(device_.tags.size()));
-  }
+  tag.name = tags_.read(reader_, node, config_key("devices[].tags[].name"),
+                        static_cast<std::uint32_t>(device_.tags.size()));
   tag.group = group_of(node);
   tag.writable = reader_.choice_or_default(node, config_key("devices[].tags[].access")) == 1;
   if (read_place(node, tag)) check_span(node, tag);
@@ -418,7 +439,13 @@ bool DeviceReader::read_place(const ConfigNode& node, TagConfig& tag) {
   const auto text = reader_.text(node, config_key("devices[].tags[].address"));
   bool good = text.has_value() && (given == nullptr || type);
   if (text && codec_ != nullptr) {
-    const auto address = codec_->addresses().parse_address(*text, type);
+    const auto address = by_any_model([&](const AddressSpace& addresses) {
+      auto found = addresses.parse_address(*text, type);
+      const bool is_only_model = models_.empty();  // then check_exists() judges the whole span
+      if (!found || is_only_model) return found;
+      if (const auto exists = addresses.check_range(found->span); !exists) found = fail(exists);
+      return found;
+    });
     if (!address) {
       reader_.error(*node.find("address"), address.error().text);
       good = false;
@@ -537,7 +564,9 @@ void DeviceReader::read_allow(const ConfigNode& list) {
   for (const ConfigNode& item : list.children) {
     const auto text = reader_.text(item);
     if (!text || codec_ == nullptr) continue;
-    if (const auto span = codec_->addresses().parse_range(*text))
+    const auto span =
+        by_any_model([&](const AddressSpace& addresses) { return addresses.parse_range(*text); });
+    if (span)
       spans.push_back(*span);
     else
       reader_.error(

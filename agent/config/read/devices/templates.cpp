@@ -267,7 +267,8 @@ std::unique_ptr<DeviceEntry> Templates::entry(const ConfigNode& node) {
   }
   if ((base != nullptr || !n.empty()) && !has_room(node, base, n)) return nullptr;
   auto made = std::make_unique<DeviceEntry>(node, base, std::move(n));
-  return can_have_names(*made) ? std::move(made) : nullptr;
+  if (!can_have_names(*made)) made->keep_first();
+  return made;
 }
 
 void Templates::warn_of_unused() {

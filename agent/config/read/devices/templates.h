@@ -50,6 +50,8 @@ class DeviceEntry final {
   std::size_t count() const { return n_.empty() ? 1 : n_.size(); }
   /// True if it has a template or an `n`; otherwise it is a device written out in full.
   bool is_made() const { return base_ != nullptr || !n_.empty(); }
+  /// Makes only the first device from now on.
+  void keep_first() { n_.resize(1); }
   DeviceOrigin origin(std::size_t i) const;
 
   /// Returns the entry as it stands in the file.

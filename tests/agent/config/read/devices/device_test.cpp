@@ -265,6 +265,70 @@ TEST(ConfigDevice, UnknownLinkNamesTheNearest) {
                {"there are gw1, gw11, gw12, gw13, gw14, gw15, gw16, gw17 and 3 more"});
 }
 
+TEST(ConfigDevice, AWrongNameOfALinkIsReportedOnce) {
+  auto plant = small_plant();
+  plant["links"][0]["name"] = "Line1";
+  expect_error(plant.dump(1), "/links/0/name", {"Line1"});
+  plant["links"][0].erase("name");
+  expect_error(plant.dump(1), "/links/0", {"\"name\" is missing"});
+  plant["links"][0] = "line1";
+  expect_error(plant.dump(1), "/links/0", {"must be an object"});
+  plant.erase("links");
+  expect_error(plant.dump(1), "", {"\"links\" is missing"});
+}
+
+TEST(ConfigDevice, AWrongNameOfALinkHidesNoOtherUnknownLink) {
+  auto plant = small_plant();
+  plant["links"][0]["name"] = "Line1";
+  plant["devices"][1]["link"] = "gw2";
+  const auto errors = errors_of(plant.dump(1));
+  ASSERT_EQ(errors.size(), 2U) << listed(errors);
+  EXPECT_EQ(errors[1].pointer, "/links/0/name");
+  EXPECT_EQ(errors[0].text, "there is no link \"gw2\"; did you mean gw1?");
+}
+
+/// Returns the pointers of the errors of a device with these members besides name, link and tags.
+std::vector<std::string> faulty_places(const std::string& protocol, const std::string& members,
+                                       const std::vector<std::string>& addresses,
+                                       const std::vector<std::string>& allow = {}) {
+  auto plant = small_plant();
+  auto& device = plant["devices"][0];
+  device = nlohmann::json::parse("{" + members + "}");
+  device["name"] = "d";
+  device["link"] = "gw1";
+  device["protocol"] = protocol;
+  plant["devices"].erase(1);
+  for (std::size_t i = 0; i < addresses.size(); ++i)
+    device["tags"].push_back({{"name", "t" + std::to_string(i)}, {"address", addresses[i]}});
+  if (!allow.empty()) device["commands"]["allow"] = allow;
+  std::vector<std::string> places;
+  for (const ConfigError& error : errors_of(plant.dump(1)))
+    places.push_back(error.pointer.substr(std::string_view("/devices/0/").size()));
+  return places;
+}
+
+using Places = std::vector<std::string>;
+
+TEST(ConfigDevice, AWrongModelHidesNoFaultOfTheTags) {
+  EXPECT_EQ(faulty_places("fx-programming-port", R"("model": "FX9")",
+                          {"X8", "D99999", "M0", "D7999"}, {"M0-M7", "M9999"}),
+            (Places{"commands/allow/1", "model", "tags/0/address", "tags/1/address"}));
+}
+
+TEST(ConfigDevice, AWrongModelBringsNoFaultThatOnlySomeModelsHave) {
+  // X1F is hexadecimal on Q, X10 octal on FX5U; both are errors while the model is unknown.
+  EXPECT_EQ(faulty_places("mc-3e", R"("model": "FX9")", {"X10", "X1F", "D100", "X1G", "ZR100000"},
+                          {"X10-X1F", "X10-X17", "X1-X1G"}),
+            (Places{"commands/allow/2", "model", "tags/3/address"}));
+  EXPECT_EQ(faulty_places("mc-1e", R"("model": "FX9")", {"X1F", "X17", "D8500", "B10", "X1G"}),
+            (Places{"model", "tags/4/address"}));
+}
+
+TEST(ConfigDevice, AWrongOptionHidesNoFaultOfTheTags) {
+  EXPECT_EQ(faulty_places("mc-3e", R"("model": "Q", "monitoring_timer_ms": 300)", {"X1F", "X1G"}),
+            (Places{"monitoring_timer_ms", "tags/1/address"}));
+}
+
 TEST(ConfigDevice, SecondDeviceWithoutStationsOnALinkIsAWarning) {
   EXPECT_TRUE(warns(good(changed("/devices/1/link", R"("line1")")),
                     {"/devices/1/link", "same PLC", "/devices/0"}));
@@ -306,6 +370,12 @@ TEST(ConfigDevice, UnknownGroupNamesTheNearest) {
   expect_refused("/devices/0/tags/0/group", R"("fats")", {"fats", "did you mean fast?"});
   expect_refused("/devices/0/tags/0/group", R"("x")",
                  {"this device has no group \"x\"; there is fast"});
+}
+
+TEST(ConfigDevice, AWrongNameOfAGroupIsReportedOnce) {
+  expect_refused("/devices/0/groups/0/name", R"("Fast")", {"Fast"});
+  expect_error(without("/devices/0/groups/0/name"), "/devices/0/groups/0", {"\"name\" is missing"});
+  expect_refused("/devices/0/groups/0", R"("fast")", {"must be an object"});
 }
 
 TEST(ConfigDevice, NamesGivenTwiceAreErrorsThatNameBoth) {

@@ -363,6 +363,15 @@ TEST(Templates, TheNameNeedsN) {
                {"the name must contain {n}: 40 devices come from the entry at /devices/0"});
 }
 
+TEST_F(TemplatesTest, ANameWithoutNHidesNoFaultOfTheTags) {
+  plant["devices"][0]["name"] = "meter";
+  plant["templates"]["meter"]["tags"][0]["address"] = "ir:x";
+  const auto errors = errors_of(plant.dump(1));
+  ASSERT_EQ(errors.size(), 2U) << listed(errors);
+  EXPECT_EQ(errors[0].pointer, "/devices/0/name");
+  EXPECT_EQ(errors[1].pointer, "/templates/meter/tags/0/address");
+}
+
 TEST_F(TemplatesTest, NThatIsNotGivenIsMissed) {
   plant["devices"][0].erase("n");
   const auto errors = errors_of(plant.dump());
