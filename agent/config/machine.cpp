@@ -131,8 +131,12 @@ ConfigErrors check_files(const Config& config) {
                          "the environment variable " + shown(mqtt->password_env) + " is not set"});
   }
   if (config.http) must_be_readable("/http/token_file", config.http->token_file);
-  if (!config.store.path.empty() && !can_be_made(config.store.path))
-    missing.push_back({"/store/path", 0, shown(config.store.path) + " cannot be written"});
+  const auto must_be_writable = [&](std::string pointer, const std::string& path) {
+    if (!path.empty() && !can_be_made(path))
+      missing.push_back({std::move(pointer), 0, shown(path) + " cannot be written"});
+  };
+  must_be_writable("/store/path", config.store.path);
+  if (config.recorder) must_be_writable("/recorder/path", config.recorder->path);
   return missing;
 }
 

@@ -9,7 +9,8 @@
 namespace fxagent {
 
 /// Returns the resources of the config that this machine lacks: certificates and password files
-/// that cannot be read, a password variable that is not set, a store that cannot be written.
+/// that cannot be read, a password variable that is not set, a store or recorder that cannot be
+/// written.
 /// Pointers are those of the file; lines are 0. Changes nothing on disk.
 ConfigErrors check_files(const Config& config);
 

@@ -119,20 +119,22 @@ TEST_F(ConfigFiles, WhatThisMachineLacksIsNamed) {
   auto plant = small_plant();
   const std::string here = directory_.string();
   plant["store"]["path"] = write("file", "") + "/store";
+  plant["recorder"]["path"] = here + "/file/recordings";
   plant["mqtt"]["password_file"] = here + "/none";
   plant["mqtt"]["servers"][0] = "mqtts://a";
   plant["mqtt"]["tls"] = {
       {"ca_file", here + "/ca"}, {"cert_file", here + "/c"}, {"key_file", here + "/k"}};
   const auto missing = check_files(good(plant.dump()));
-  EXPECT_EQ(pointers(missing),
-            (std::vector<std::string>{"/mqtt/tls/ca_file", "/mqtt/tls/cert_file",
-                                      "/mqtt/tls/key_file", "/mqtt/password_file", "/store/path"}))
+  EXPECT_EQ(pointers(missing), (std::vector<std::string>{
+                                   "/mqtt/tls/ca_file", "/mqtt/tls/cert_file", "/mqtt/tls/key_file",
+                                   "/mqtt/password_file", "/store/path", "/recorder/path"}))
       << listed(missing);
 }
 
 TEST_F(ConfigFiles, NothingIsNamedWhereAllIsThere) {
   auto plant = small_plant();
   plant["store"]["path"] = (directory_ / "new" / "store").string();
+  plant["recorder"]["path"] = (directory_ / "new" / "recordings").string();
   plant["mqtt"]["password_file"] = write("secret", "x");
   plant["mqtt"]["servers"][0] = "mqtts://a";
   plant["mqtt"]["tls"] = {{"ca_file", write("ca", "x")}};
