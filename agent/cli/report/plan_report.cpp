@@ -378,10 +378,12 @@ LinkReport report_link(const Config& config, std::uint32_t index) {
     shares.push_back({plan.longest_exchange(), command_time(device, plan)});
   }
   if (link.char_time.count() == 0) {
-    report.warnings.emplace_back(std::holds_alternative<UdpSettings>(link.channel)
-                                     ? "no times: UDP has no line speed"
-                                     : "no times: the speed of this line is not known; set "
-                                       "line_baud if a serial server connects it");
+    // A PLC's own Ethernet port has no line with a speed.
+    if (std::ranges::any_of(devices,
+                            [](const auto* device) { return device->protocol->on_serial; }))
+      report.warnings.emplace_back(
+          "no times: the speed of this line is not known; set line_baud if a serial server "
+          "connects it");
     return std::move(report);
   }
   report.busy_percent = 100 * (load.asked + load.fixed);

@@ -253,6 +253,21 @@ TEST(PlanReport, WithoutASpeedThereAreNoTimes) {
     EXPECT_EQ(warning.find("line_baud"), std::string::npos) << "it is not for UDP: " << warning;
 }
 
+TEST(PlanReport, OnlyALinkThatMayHaveASerialLineAsksForItsSpeed) {
+  const auto asks = [](const std::string& device) {
+    const auto links =
+        plan_links(config_of(R"({"name":"l","tcp":{"host":"127.0.0.1","port":5007}})",
+                             R"({"name":"p","link":"l","tags":[{"name":"t","address":")" + device));
+    const auto& warnings = links[0].warnings;
+    return std::ranges::any_of(
+        warnings, [](const auto& each) { return each.find("line_baud") != each.npos; });
+  };
+  EXPECT_TRUE(asks(R"(hr:0"}],"protocol":"modbus-rtu"})"));
+  EXPECT_TRUE(asks(R"(D0"}],"protocol":"mc-3c","model":"Q"})"));
+  EXPECT_FALSE(asks(R"(hr:0"}],"protocol":"modbus-tcp"})"));
+  EXPECT_FALSE(asks(R"(D0"}],"protocol":"mc-3e","model":"Q"})"));
+}
+
 TEST(PlanReport, AnOpenModelIsPlannedAsTheWidestAndThatIsSaid) {
   std::string device = plc(R"({"name":"d","address":"D5000","group":"g"})");
   device.replace(device.find("FX3U"), 4, "auto");
