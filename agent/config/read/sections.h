@@ -88,8 +88,8 @@ RemoteLimits read_remote_limits(ConfigReader& reader, const ConfigNode& agent);
 /// Returns the limits as `check` prints them: "links, devices, commands.allow D300-D399".
 std::string to_string(const RemoteLimits& limits);
 
-/// Warns if `min` or `max` of the tag at `node` is beyond the range of its type, or if they leave
-/// one value or none.
+/// Warns if `min` or `max` of the tag at `node` is beyond the range of its type, if they leave one
+/// value or none, or if `deadband` is larger than the range.
 void warn_of_limits(ConfigReader& reader, const ConfigNode& node, const TagConfig& tag);
 
 /// Warns if the list `allow` of the device covers a place of a tag with `min` or `max`: a command

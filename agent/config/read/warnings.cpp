@@ -52,17 +52,23 @@ void warn_of_limits(ConfigReader& reader, const ConfigNode& node, const TagConfi
   const auto range = value_range(tag.point);
   const ConfigNode* min = tag.units->limits.min ? node.find("min") : nullptr;
   const ConfigNode* max = tag.units->limits.max ? node.find("max") : nullptr;
-  if (!range || (min == nullptr && max == nullptr)) return;
-  const std::string values = "go from " + spelled(range->least) + " to " + spelled(range->greatest);
+  if (!range) return;
+  const auto values = [&] {
+    return "go from " + spelled(range->least) + " to " + spelled(range->greatest);
+  };
+  if (tag.units->limits.deadband.value_or(0) > range->greatest - range->least)
+    reader.warn(*node.find("deadband"),
+                "no change is this large: the values of this tag " + values());
+  if (min == nullptr && max == nullptr) return;
   const auto within = values_within(tag.point, tag.units->limits.min, tag.units->limits.max);
   if (within && *within < 2) {
     reader.warn(min != nullptr ? *min : *max,
                 std::string(*within == 0 ? "no value" : "only one value") +
-                    " of this tag is within its limits: its values " + values + " in steps of " +
+                    " of this tag is within its limits: its values " + values() + " in steps of " +
                     spelled(range->step));
     return;
   }
-  const std::string text = "has no effect: the values of this tag " + values;
+  const std::string text = "has no effect: the values of this tag " + values();
   if (min != nullptr && *tag.units->limits.min < range->least) reader.warn(*min, text);
   if (max != nullptr && *tag.units->limits.max > range->greatest) reader.warn(*max, text);
 }

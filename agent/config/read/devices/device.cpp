@@ -123,7 +123,7 @@ class DeviceReader {
   template <class Judge>
   auto by_any_model(Judge judge);
   /// Makes the timeout longer than the time after which the device itself gives up and replies with
-  /// an error; warns if a configured timeout is not longer.
+  /// an error. Warns if a configured timeout is not longer, or too short for any answer.
   void outlast_device();
   /// Warns if the PLC must be asked for its model and some model lacks an address of the config.
   void warn_of_open_model();
@@ -134,8 +134,9 @@ class DeviceReader {
   bool read_place(const ConfigNode& node, TagConfig& tag);
   void read_shape(const ConfigNode& node, std::optional<DataType> type, Point& point);
   void check_span(const ConfigNode& node, const TagConfig& tag);
-  /// Warns of values that take several reads: once, at the first.
-  void warn_of_torn_values();
+  /// Warns of values that take several reads, and of deadbands in groups that publish every poll:
+  /// once each, at the first.
+  void warn_of_tags();
   void check_exists(const ConfigNode& address, const Span& span);
   void read_commands(const ConfigNode& node);
   void read_allow(const ConfigNode& list);
@@ -153,8 +154,21 @@ class DeviceReader {
   NameTable groups_;
   NameTable tags_;
   std::map<std::uint16_t, std::vector<ReadWay>> ways_;  ///< of codec_
-  const ConfigNode* first_torn_ = nullptr;  ///< address of the first value that takes several reads
-  std::size_t torn_ = 0;                    ///< number of these values
+  /// Tags with the same cause for a warning.
+  struct Alike {
+    const ConfigNode* first = nullptr;
+    std::size_t count = 0;
+
+    void add(const ConfigNode& at) {
+      if (count++ == 0) first = &at;
+    }
+    /// Returns ", and 3 other tags of this device, too"; empty if there is only one.
+    std::string others() const {
+      return count < 2 ? "" : ", and " + counted(count - 1, "other tag") + " of this device, too";
+    }
+  };
+  Alike torn_;            ///< addresses of values that take several reads
+  Alike idle_deadbands_;  ///< in groups that publish every poll
 };
 
 // ---- protocol and options ---------------------------------------------------------------------
@@ -316,6 +330,11 @@ void DeviceReader::outlast_device() {
   const ConfigNode* given = node_.find("timeout_ms");
   if (given == nullptr)
     device_.timeout += own;
+  else if (device_.timeout < device_.turnaround)
+    reader_.warn(*given, "timeout_ms is shorter than turnaround_ms, the " +
+                             std::to_string(device_.turnaround.count()) +
+                             " ms that the device may need before it answers: make timeout_ms "
+                             "longer, or turnaround_ms shorter");
   else if (device_.timeout <= own)
     reader_.warn(*given,
                  "timeout_ms is not longer than the " + std::to_string(own.count()) +
@@ -401,17 +420,19 @@ void DeviceReader::read_tags() {
     read_tag(*tag);
     if (reader_.is_over()) return;
   }
-  warn_of_torn_values();
+  warn_of_tags();
   device_.tags = shared_.tags_of(std::move(device_.tags));
 }
 
-void DeviceReader::warn_of_torn_values() {
-  if (torn_ == 0) return;
-  const std::string others =
-      torn_ == 1 ? "" : ", and " + counted(torn_ - 1, "other tag") + " of this device, too";
-  reader_.warn(*first_torn_, "takes several reads" + others +
-                                 ": parts of a value may be of different moments. Make max_read or "
-                                 "max_block_bytes larger");
+void DeviceReader::warn_of_tags() {
+  if (torn_.count > 0)
+    reader_.warn(*torn_.first, "takes several reads" + torn_.others() +
+                                   ": parts of a value may be of different moments. Make max_read "
+                                   "or max_block_bytes larger");
+  if (idle_deadbands_.count > 0)
+    reader_.warn(*idle_deadbands_.first,
+                 "has no effect" + idle_deadbands_.others() +
+                     ": the group publishes every poll. Set its \"publish\" to \"on_change\"");
 }
 
 void DeviceReader::read_tag(const ConfigNode& node) {
@@ -424,6 +445,9 @@ void DeviceReader::read_tag(const ConfigNode& node) {
   if (read_place(node, tag)) check_span(node, tag);
   tag.units = shared_.units_of(read_tag_units(reader_, node, tag.point.type));
   warn_of_limits(reader_, node, tag);
+  const bool is_in_a_group = tag.group < device_.groups.size();  // false after an error
+  if (tag.units->limits.deadband && is_in_a_group && !device_.groups[tag.group].on_change)
+    idle_deadbands_.add(*node.find("deadband"));
   reader_.has_room(node, {.values = values_of(tag.point)});
   device_.tags.push_back(std::move(tag));
 }
@@ -509,10 +533,8 @@ void DeviceReader::check_span(const ConfigNode& node, const TagConfig& tag) {
   }
   check_exists(address, *span);
   const bool is_one_value = !tag.point.is_array && tag.point.type != DataType::string;
-  if (is_one_value && !fits_one_read(*span, ways_.at(span->space), device_.max_block_bytes)) {
-    if (first_torn_ == nullptr) first_torn_ = &address;
-    ++torn_;
-  }
+  if (is_one_value && !fits_one_read(*span, ways_.at(span->space), device_.max_block_bytes))
+    torn_.add(address);
   if (!tag.writable) return;
   const ConfigNode& access = *node.find("access");
   if (!tag.point.address.writable)

@@ -83,6 +83,50 @@ TEST(ConfigWarnings, LimitsThatLeaveOneValueOrNoneSaySo) {
   EXPECT_EQ(of_tag(R"("type": "float32", "min": 0.1, "max": 0.2)"), "");
 }
 
+TEST(ConfigWarnings, DeadbandLargerThanTheRangeIsNeverReached) {
+  const auto of_deadband = [](const std::string& keys) {
+    auto plant = nlohmann::json::parse(
+        with_tag(R"({"name": "temp", "address": "D100", "group": "fast", )" + keys + "}"));
+    plant["devices"][0]["groups"][0]["publish"] = "on_change";
+    const auto list = warnings_of(plant.dump(1));
+    EXPECT_LE(list.size(), 1U) << keys;
+    return list.empty() ? "" : list[0].substr(list[0].find("): ") + 3);
+  };
+  EXPECT_EQ(of_deadband(R"("deadband": 65535)"), "");
+  EXPECT_EQ(of_deadband(R"("deadband": 65536)"),
+            "no change is this large: the values of this tag go from -32768 to 32767");
+  EXPECT_EQ(of_deadband(R"("scale": -0.1, "deadband": 6554)"),
+            "no change is this large: the values of this tag go from -3276.7 to 3276.8");
+  EXPECT_EQ(of_deadband(R"("type": "float32", "deadband": 1e9)"), "");
+}
+
+TEST(ConfigWarnings, DeadbandInAGroupThatPublishesEveryPollHasNoEffect) {
+  EXPECT_EQ(of_tag(R"("deadband": 5)"),
+            "has no effect: the group publishes every poll. Set its \"publish\" to \"on_change\"");
+  auto plant = small_plant();
+  plant["devices"][0]["tags"] = nlohmann::json::parse(R"([
+    {"name": "a", "address": "D1", "deadband": 1}, {"name": "b", "address": "D2"},
+    {"name": "c", "address": "D3", "deadband": 1, "group": "fast"},
+    {"name": "d", "address": "D4", "deadband": 1}])");
+  plant["devices"][0]["groups"][0]["publish"] = "on_change";
+  const auto list = warnings_of(plant.dump(1));
+  ASSERT_EQ(list.size(), 1U);
+  EXPECT_TRUE(list[0].starts_with("/devices/0/tags/0/deadband (line ")) << list[0];
+  expect_says(list[0], "has no effect, and 1 other tag of this device, too");
+}
+
+TEST(ConfigWarnings, TimeoutShorterThanTheTurnaroundIsTooShortForAnyAnswer) {
+  const auto of_device = [](const std::string& pointer, const std::string& value) {
+    const auto list = warnings_of(changed(pointer, value));
+    return list.empty() ? "" : list[0];
+  };
+  EXPECT_EQ(of_device("/devices/0/timeout_ms", "30"), "");
+  const auto found = of_device("/devices/0/timeout_ms", "29");
+  EXPECT_TRUE(found.starts_with("/devices/0/timeout_ms (line ")) << found;
+  expect_says(found, "shorter than turnaround_ms, the 30 ms that the device may need");
+  EXPECT_EQ(of_device("/devices/0/turnaround_ms", "5000"), "") << "timeout_ms is not given";
+}
+
 TEST(ConfigWarnings, LimitsOfATagWithErrorsAreLeftAlone) {
   expect_error(with_tag(R"({"name": "temp", "address": "M0", "type": "int16", "min": -40000})"),
                "/devices/0/tags/0/type", {"M0"});
