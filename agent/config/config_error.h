@@ -17,13 +17,16 @@ struct ConfigError {
 
 using ConfigErrors = std::vector<ConfigError>;
 
+/// Returns "/devices/0/tags/3/address: X8 is not octal …", without file and line.
+inline std::string text_of(const ConfigError& error) {
+  return error.pointer.empty() ? error.text : error.pointer + ": " + error.text;
+}
+
 /// Returns "agent.json:12: /devices/0/tags/3/address: X8 is not octal …".
 inline std::string to_string(const ConfigError& error, std::string_view file) {
   std::string text(file);
   if (error.line > 0) text += ":" + std::to_string(error.line);
-  text += ": ";
-  if (!error.pointer.empty()) text += error.pointer + ": ";
-  return text + error.text;
+  return text + ": " + text_of(error);
 }
 
 }  // namespace fxagent

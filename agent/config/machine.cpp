@@ -182,7 +182,7 @@ void log_warnings(Config& config) {
   for (const std::string& warning : std::exchange(config.warnings, {}))
     log::warn("config", {{"note", warning}});
   for (const ConfigError& secret : weak_secrets(config))
-    log::warn("config", {{"note", secret.pointer + ": " + secret.text}});
+    log::warn("config", {{"note", text_of(secret)}});
 }
 
 }  // namespace fxagent

@@ -400,8 +400,7 @@ ImportOutcome finish(Imported imported) {
       name_tags(imported);
       continue;
     }
-    for (const ConfigError& error : config.error())
-      imported.note(0, error.pointer + ": " + error.text);
+    for (const ConfigError& error : config.error()) imported.note(0, text_of(error));
     break;
   }
   outcome.left_out = imported.left_out;

@@ -124,8 +124,8 @@ class Merger {
   }
 
  private:
-  void error(std::string pointer, std::string text) {
-    errors_.add({std::move(pointer), 0, std::move(text)});
+  void error(const std::string& pointer, std::string text) {
+    errors_.add({shown(pointer, pointer.npos), 0, std::move(text)});
   }
 
   void put_body() {
@@ -195,7 +195,7 @@ class Merger {
     if (value.is_string() && names_variable(value.get_ref<const std::string&>())) {
       // Replace the text, so that no error shows whether the variable exists.
       next_[Json::json_pointer(pointer)] = "variable";
-      replaced_.insert(pointer);
+      replaced_.insert(shown(pointer, pointer.npos));
       return error(pointer,
                    "a remote config cannot use environment variables, which may hold secrets; for "
                    "a literal ${ write $${");

@@ -30,10 +30,6 @@ bool RemoteReport::says(const RemoteReport& other) const {
          std::ranges::equal(errors, other.errors, {}, text_of, text_of);
 }
 
-std::string text_of(const ConfigError& error) {
-  return error.pointer.empty() ? error.text : error.pointer + ": " + error.text;
-}
-
 std::string_view to_string(State state) { return kStates[static_cast<std::size_t>(state)]; }
 
 RemoteReport make_report(State state, DesiredConfig desired, const ConfigErrors& errors,

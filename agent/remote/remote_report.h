@@ -26,8 +26,6 @@ struct RemoteReport {
   bool says(const RemoteReport& other) const;
 };
 std::string_view to_string(RemoteReport::State state);
-/// Returns "/devices/0/name: must be …".
-std::string text_of(const ConfigError& error);
 
 /// Limits of a report: number of errors, bytes of each, and bytes of all errors as JSON text.
 inline constexpr std::size_t kMostReportedErrors = 1000;

@@ -136,7 +136,7 @@ int run_check(const std::string& path, const CheckQuestion& what) {
   for (const auto& findings :
        {files, tls_faults(*config, files), unavailable_ports(*config, path), weak_secrets(*config)})
     for (const ConfigError& finding : findings)
-      std::cerr << path << ": warning: " << finding.pointer << ": " << finding.text << '\n';
+      std::cerr << path << ": warning: " << text_of(finding) << '\n';
   for (const std::string& overload : overloads(*config))
     std::cerr << path << ": warning: link " << overload << '\n';
   if (what.online && what.as_json) return run_online_check(*config, path, /*as_json=*/true);

@@ -224,7 +224,7 @@ std::string pointer_to(const ConfigNode& node) {
   if (node.parent == nullptr) return {};
   const bool is_item = node.parent->kind == Kind::array;
   const std::string key = is_item ? std::to_string(node.index) : node.key;
-  return pointer_to(*node.parent) + (Json::json_pointer() / key).to_string();
+  return pointer_to(*node.parent) + shown((Json::json_pointer() / key).to_string(), key.npos);
 }
 
 std::string place_text(const std::string& pointer, int line) {

@@ -35,7 +35,8 @@ struct ConfigNode {
   const ConfigNode* find(std::string_view name) const;
 };
 
-/// Returns the JSON pointer (RFC 6901), such as "/devices/0/tags/3"; empty for the root.
+/// Returns the JSON pointer (RFC 6901), such as "/devices/0/tags/3"; empty for the root. Escapes
+/// control characters in keys as shown() does.
 std::string pointer_to(const ConfigNode& node);
 /// Returns "/links/0 (line 12)".
 std::string place_text(const std::string& pointer, int line);

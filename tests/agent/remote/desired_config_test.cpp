@@ -253,6 +253,20 @@ TEST(MergedConfig, AVariableIsTheOnlyErrorOfItsPlace) {
   EXPECT_EQ(errors[0].pointer, "/links/1/tcp/host");
 }
 
+TEST(MergedConfig, ControlCharactersInAKeyAreEscaped) {
+  json device = local_plant()["devices"][0];
+  device["a\x1B[2J"] = "${HOME}";
+  for (const json& sections :
+       {json{{"devices", {device, local_plant()["devices"][1]}}}, json{{"new\nsection", 1}}}) {
+    const std::string text = listed(errors_of(local_plant(), config_of(sections)));
+    EXPECT_EQ(text.find('\x1B'), std::string::npos) << text;
+    EXPECT_EQ(text.find("new\n"), std::string::npos) << text;
+    EXPECT_TRUE(text.find("/devices/0/a\\x1B[2J: a remote") != std::string::npos ||
+                text.find("/new\\x0Asection: ") != std::string::npos)
+        << text;
+  }
+}
+
 TEST(MergedConfig, OtherErrorsStandNextToAVariable) {
   json device = local_plant()["devices"][0];
   device["tags"] = json::array({{{"name", "a"}, {"address", "${HOME}"}, {"type", "int17"}}});

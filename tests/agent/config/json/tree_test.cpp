@@ -57,7 +57,7 @@ TEST(ConfigTree, PointerEscapesAndCounts) {
   EXPECT_EQ(pointer_to(tree.root()), "");
   EXPECT_EQ(pointer_to(list), "/a~1b");
   EXPECT_EQ(pointer_to(*list.children[0].find("~c")), "/a~1b/0/~0c");
-  EXPECT_EQ(pointer_to(*list.children[1].find("é\n")), "/a~1b/1/é\n");
+  EXPECT_EQ(pointer_to(*list.children[1].find("é\n")), "/a~1b/1/é\\x0A");
   EXPECT_EQ(pointer_to(*tree.root().find("")->find("")), "//");
 }
 
