@@ -11,6 +11,7 @@ struct ConfigError {
   std::string pointer;  ///< JSON pointer: "/devices/0/tags/3/address"
   int line = 0;         ///< 1-based; 0 if the error belongs to no line
   std::string text;     ///< the fault and its cure
+  bool of_key = false;  ///< the fault is in the key at `pointer`, whatever the value
 
   bool operator==(const ConfigError&) const = default;
 };

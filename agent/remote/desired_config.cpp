@@ -278,9 +278,12 @@ tl::expected<Config, ConfigErrors> effective_config(std::string_view local_text,
       Merger(std::move(file), parsed_json(desired.text), local.remote).run();
   auto config = parse(text);
   if (!config) {
-    for (ConfigError& error : config.error())
-      if (!replaced.contains(error.pointer))
-        errors.push_back({std::move(error.pointer), 0, without_lines(std::move(error.text))});
+    for (ConfigError& error : config.error()) {
+      if (!error.of_key && replaced.contains(error.pointer)) continue;
+      error.line = 0;
+      error.text = without_lines(std::move(error.text));
+      errors.push_back(std::move(error));
+    }
   } else if (replaced.empty()) {
     std::ranges::move(beyond_limits(local, *config, stop), std::back_inserter(errors));
   }

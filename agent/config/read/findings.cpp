@@ -12,8 +12,9 @@ void Findings::add(std::uint32_t offset, const ConfigNode& at, std::string text,
     ++unlisted_;
     return;
   }
+  const bool of_key = offset != at.offset;
   if (origin == nullptr) {
-    list_.push_back({offset, pointer_to(at), std::move(text)});
+    list_.push_back({offset, pointer_to(at), std::move(text), of_key});
     return;
   }
   auto known = by_entry_.try_emplace({offset, origin->entry}, list_.size()).first;
@@ -35,7 +36,7 @@ void Findings::add(std::uint32_t offset, const ConfigNode& at, std::string text,
       return;
     }
   }
-  list_.push_back({offset, pointer_to(at), std::move(text), *origin, device});
+  list_.push_back({offset, pointer_to(at), std::move(text), of_key, *origin, device});
 }
 
 std::string unlisted_text(std::size_t unlisted) {
@@ -49,7 +50,8 @@ ConfigErrors Findings::in_order(const ConfigTree& tree) const {
   ConfigErrors list;
   if (unlisted_ > 0) list.push_back({"", 0, unlisted_text(unlisted_)});
   for (const Finding& finding : sorted)
-    list.push_back({finding.pointer, tree.line_of(finding.offset), text_of(finding, tree)});
+    list.push_back(
+        {finding.pointer, tree.line_of(finding.offset), text_of(finding, tree), finding.of_key});
   return list;
 }
 

@@ -48,6 +48,7 @@ class Findings {
     std::uint32_t offset = 0;
     std::string pointer;
     std::string text;
+    bool of_key = false;
     DeviceOrigin origin{};     ///< of the first device that has the finding; unset if none does
     std::uint32_t device = 0;  ///< the last device that has it
     std::uint32_t more = 0;    ///< devices after the first

@@ -253,6 +253,17 @@ TEST(MergedConfig, AVariableIsTheOnlyErrorOfItsPlace) {
   EXPECT_EQ(errors[0].pointer, "/links/1/tcp/host");
 }
 
+TEST(MergedConfig, AnUnknownKeyWithAVariableIsBothErrors) {
+  json device = local_plant()["devices"][0];
+  device["tags"] = json::array({{{"name", "a"}, {"address", "D1"}, {"colour", "${HOME}"}}});
+  const auto errors =
+      errors_of(local_plant(), config_of({{"devices", {device, local_plant()["devices"][1]}}}));
+  ASSERT_EQ(errors.size(), 2u) << listed(errors);
+  for (const ConfigError& error : errors) EXPECT_EQ(error.pointer, "/devices/0/tags/0/colour");
+  EXPECT_NE(errors[0].text.find("environment variable"), std::string::npos);
+  EXPECT_NE(errors[1].text.find("unknown key \"colour\""), std::string::npos);
+}
+
 TEST(MergedConfig, ControlCharactersInAKeyAreEscaped) {
   json device = local_plant()["devices"][0];
   device["a\x1B[2J"] = "${HOME}";

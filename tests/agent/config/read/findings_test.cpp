@@ -83,6 +83,16 @@ TEST_F(FindingsTest, WhatIsTooMuchIsCounted) {
   EXPECT_EQ(texts().front(), "2 more are not listed");
 }
 
+TEST_F(FindingsTest, AFaultOfTheKeyIsToldFromOneOfTheValue) {
+  findings_.add(unit_.offset, unit_, "value", nullptr, 0);
+  findings_.add(unit_.key_offset, unit_, "key", nullptr, 0);
+  const auto list = findings_.in_order(tree_);
+  ASSERT_EQ(list.size(), 2U);
+  EXPECT_EQ(list[0].pointer, list[1].pointer);
+  EXPECT_TRUE(list[0].of_key);
+  EXPECT_FALSE(list[1].of_key);
+}
+
 TEST_F(FindingsTest, WhatIsListedIsCountedForItsOthersThen) {
   const DeviceOrigin origin{&first_, &base_, "1"};
   findings_.add(unit_.offset, unit_, "wrong", &origin, 1);
