@@ -1,6 +1,7 @@
 // A fault of a config, with its place in the file.
 #pragma once
 
+#include <cstddef>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -8,10 +9,11 @@
 namespace fxagent {
 
 struct ConfigError {
-  std::string pointer;  ///< JSON pointer: "/devices/0/tags/3/address"
-  int line = 0;         ///< 1-based; 0 if the error belongs to no line
-  std::string text;     ///< the fault and its cure
-  bool of_key = false;  ///< the fault is in the key at `pointer`, whatever the value
+  std::string pointer;       ///< JSON pointer: "/devices/0/tags/3/address"
+  int line = 0;              ///< 1-based; 0 if the error belongs to no line
+  std::string text;          ///< the fault and its cure
+  bool of_key = false;       ///< the fault is in the key at `pointer`, whatever the value
+  std::size_t unlisted = 0;  ///< 0: a fault. Otherwise the number of further faults, as `text` says
 
   bool operator==(const ConfigError&) const = default;
 };

@@ -27,10 +27,22 @@ constexpr std::int64_t kModbusAddresses = 65536;
 constexpr int kPorts = 65536;
 constexpr auto kExact = static_cast<double>(json::kMaxExactInteger);
 
-JsonObject json_of(const ImportedDevice& device) {
+/// Returns the tag's name if it is to be made valid: a placeholder such as {n} is part of a valid
+/// name. Otherwise returns an empty string.
+std::string raw_name(const ImportedTag& tag) {
+  std::string name = text_at(tag.keys, "name");
+  return name.find('{') == name.npos ? name : "";
+}
+
+/// With raw names, the tags get other, valid ones: errors in names would hide those of values.
+JsonObject json_of(const ImportedDevice& device, bool has_raw_names) {
   JsonObject out = device.keys;
   for (const JsonObject& group : device.groups) out["groups"].push_back(group);
-  for (const ImportedTag& tag : device.tags) out["tags"].push_back(tag.keys);
+  for (const ImportedTag& tag : device.tags) {
+    JsonObject& keys = out["tags"].emplace_back(tag.keys);
+    if (has_raw_names && !raw_name(tag).empty())
+      keys["name"] = "raw_name_" + std::to_string(out["tags"].size());
+  }
   return out;
 }
 
@@ -40,7 +52,8 @@ JsonObject json_of(const Imported& imported) {
   out.emplace("mqtt", JsonObject::object({{"servers", {"mqtt://127.0.0.1:1883"}}}));
   out["links"] = imported.links;
   JsonObject& devices = out["devices"] = JsonObject::array();
-  for (const ImportedDevice& device : imported.devices) devices.push_back(json_of(device));
+  for (const ImportedDevice& device : imported.devices)
+    devices.push_back(json_of(device, imported.has_raw_names));
   return out;
 }
 
@@ -77,8 +90,7 @@ struct TagFault {
   std::string text;
 };
 
-/// Returns the errors of each tag, except of tags that are part of the device's keys, and of names
-/// that name_tags() will change.
+/// Returns the errors of each tag, except of tags that are part of the device's keys.
 std::map<TagIndexes, std::vector<TagFault>> faults_of_tags(const Imported& imported,
                                                            const std::vector<ConfigError>& errors) {
   std::map<TagIndexes, std::vector<TagFault>> faults;
@@ -87,7 +99,6 @@ std::map<TagIndexes, std::vector<TagFault>> faults_of_tags(const Imported& impor
     const auto device = take_index(pointer, "/devices/");
     const auto tag = take_index(pointer, "/tags/");
     if (!device || !tag || *tag >= imported.devices[*device].tags.size()) continue;
-    if (imported.has_raw_names && pointer == "/name") continue;
     if (pointer.starts_with('/')) pointer.remove_prefix(1);
     faults[{*device, *tag}].push_back({std::string(pointer), error.text});
   }
@@ -135,10 +146,8 @@ void name_tags(Imported& imported) {
     NameMaker names(NameMaker::Source::name);
     std::vector<ImportedTag*> others;
     for (ImportedTag& tag : device.tags) {
-      const std::string name = text_at(tag.keys, "name");
-      // A placeholder such as {n} is part of a valid name.
-      if (name.empty() || name.find('{') != name.npos) continue;
-      if (!is_name(name) || !names.reserve(name)) others.push_back(&tag);
+      const std::string name = raw_name(tag);
+      if (!name.empty() && (!is_name(name) || !names.reserve(name))) others.push_back(&tag);
     }
     for (ImportedTag* tag : others) {
       const std::size_t before = imported.notes.size();
@@ -385,22 +394,22 @@ ImportOutcome finish(Imported imported) {
     const std::string text = dumped(json_of(imported));
     // The permissions of the file that the config is written to are not known.
     const auto config = parse_config(text, process_environment, FilePrivacy::owner_only);
+    if (!config &&
+        (drop_refused(imported, config.error()) || drop_one_setting(imported, config.error())))
+      continue;
+    if (imported.has_raw_names) {  // the names of tags that are left out are free by now
+      name_tags(imported);
+      continue;
+    }
     if (config) {
       for (const DeviceConfig& device : config->devices) outcome.tags += device.tags.size();
       for (const ImportedDevice& device : imported.devices)
         outcome.changed +=
             static_cast<std::size_t>(std::ranges::count_if(device.tags, &ImportedTag::is_changed));
       if (outcome.tags > 0 || !imported.sections.empty()) outcome.config = pretty_text(text);
-      break;
+    } else {
+      for (const ConfigError& error : config.error()) imported.note(0, text_of(error));
     }
-    if (drop_refused(imported, config.error())) continue;
-    if (drop_one_setting(imported, config.error())) continue;
-    // The names of tags that are left out are free by now.
-    if (imported.has_raw_names) {
-      name_tags(imported);
-      continue;
-    }
-    for (const ConfigError& error : config.error()) imported.note(0, text_of(error));
     break;
   }
   outcome.left_out = imported.left_out;

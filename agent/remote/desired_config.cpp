@@ -100,7 +100,7 @@ std::string token_of(const std::string& key) { return (Json::json_pointer() / ke
 
 struct Merged {
   std::string text;
-  ConfigErrors errors;
+  ErrorList errors;
   std::set<std::string> replaced;  ///< pointers of the texts that only stand in for a variable
 };
 
@@ -120,7 +120,7 @@ class Merger {
     for (const Json* each : {&std::as_const(local_), &std::as_const(next_), &body_})
       for (const auto& [key, value] : each->items()) sections.insert(key);
     for (const std::string& section : sections) restrain(section);
-    return {dumped(next_), errors_.take(), std::move(replaced_)};
+    return {dumped(next_), std::move(errors_), std::move(replaced_)};
   }
 
  private:
@@ -282,12 +282,12 @@ tl::expected<Config, ConfigErrors> effective_config(std::string_view local_text,
       if (!error.of_key && replaced.contains(error.pointer)) continue;
       error.line = 0;
       error.text = without_lines(std::move(error.text));
-      errors.push_back(std::move(error));
+      errors.add(std::move(error));
     }
   } else if (replaced.empty()) {
-    std::ranges::move(beyond_limits(local, *config, stop), std::back_inserter(errors));
+    errors.add(beyond_limits(local, *config, stop));
   }
-  if (!errors.empty()) return tl::unexpected(std::move(errors));
+  if (!errors.empty()) return tl::unexpected(errors.take());
   return config;
 }
 

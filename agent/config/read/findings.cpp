@@ -8,10 +8,8 @@ namespace fxagent {
 void Findings::add(std::uint32_t offset, const ConfigNode& at, std::string text,
                    const DeviceOrigin* origin, std::uint32_t device) {
   if (is_full() && !knows(offset, origin) &&
-      (origin == nullptr || !by_text_.contains({offset, text}))) {
-    ++unlisted_;
-    return;
-  }
+      (origin == nullptr || !by_text_.contains({offset, text})))
+    return leave_out(offset, origin);
   const bool of_key = offset != at.offset;
   if (origin == nullptr) {
     list_.push_back({offset, pointer_to(at), std::move(text), of_key});
@@ -31,12 +29,18 @@ void Findings::add(std::uint32_t offset, const ConfigNode& at, std::string text,
     }
     // A second fault of this device at this place. A later device repeats those of the first one.
     if (first.more > 0) return;
-    if (is_full()) {
-      ++unlisted_;
-      return;
-    }
+    if (is_full()) return leave_out(offset, origin);
   }
   list_.push_back({offset, pointer_to(at), std::move(text), of_key, *origin, device});
+}
+
+void Findings::leave_out(std::uint32_t offset, const DeviceOrigin* origin) {
+  if (origin != nullptr) {
+    if (offset >= left_out_.size()) left_out_.resize(offset + std::size_t{1});
+    if (left_out_[offset]) return;
+    left_out_[offset] = true;
+  }
+  ++unlisted_;
 }
 
 std::string unlisted_text(std::size_t unlisted) {
@@ -44,11 +48,15 @@ std::string unlisted_text(std::size_t unlisted) {
          (unlisted == 1 ? " more is not listed" : " more are not listed");
 }
 
+ConfigError unlisted_error(std::size_t unlisted) {
+  return {"", 0, unlisted_text(unlisted), /*of_key=*/false, unlisted};
+}
+
 ConfigErrors Findings::in_order(const ConfigTree& tree) const {
   std::vector<Finding> sorted = list_;
   std::ranges::stable_sort(sorted, {}, &Finding::offset);
   ConfigErrors list;
-  if (unlisted_ > 0) list.push_back({"", 0, unlisted_text(unlisted_)});
+  if (unlisted_ > 0) list.push_back(unlisted_error(unlisted_));
   for (const Finding& finding : sorted)
     list.push_back(
         {finding.pointer, tree.line_of(finding.offset), text_of(finding, tree), finding.of_key});

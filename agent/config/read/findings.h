@@ -23,6 +23,8 @@ struct DeviceOrigin {
 
 /// Returns "2000 more are not listed".
 std::string unlisted_text(std::size_t unlisted);
+/// Returns the same as an entry of a list of errors.
+ConfigError unlisted_error(std::size_t unlisted);
 
 class Findings {
  public:
@@ -58,9 +60,13 @@ class Findings {
   /// names the place of the device; otherwise that of the template.
   static std::string text_of(const Finding& finding, const ConfigTree& tree);
   bool is_full() const { return list_.size() >= kMost; }
+  /// Counts a finding that is not kept. Devices with one DeviceOrigin repeat theirs, so counts each
+  /// place of those once.
+  void leave_out(std::uint32_t offset, const DeviceOrigin* origin);
 
   std::vector<Finding> list_;
   std::size_t unlisted_ = 0;
+  std::vector<bool> left_out_;  ///< by offset: a finding of a DeviceOrigin is counted
   // Index in list_ of the first finding at an offset: by its entry, and by its text.
   std::map<std::pair<std::uint32_t, const ConfigNode*>, std::size_t> by_entry_;
   std::map<std::pair<std::uint32_t, std::string>, std::size_t> by_text_;
@@ -70,8 +76,14 @@ class Findings {
 /// Keeps the first Findings::kMost and counts the others.
 class ErrorList final {
  public:
+  /// Adds a list of errors. Its entry with the number of further errors counts as that many.
+  void add(ConfigErrors errors) {
+    for (ConfigError& error : errors) add(std::move(error));
+  }
   void add(ConfigError error) {
-    if (list_.size() < Findings::kMost)
+    if (error.unlisted > 0)
+      unlisted_ += error.unlisted;
+    else if (list_.size() < Findings::kMost)
       list_.push_back(std::move(error));
     else
       ++unlisted_;
@@ -80,7 +92,7 @@ class ErrorList final {
 
   /// Returns the errors; call it once. If some were not kept, the first entry is their number.
   std::vector<ConfigError> take() {
-    if (unlisted_ > 0) list_.insert(list_.begin(), {"", 0, unlisted_text(unlisted_)});
+    if (unlisted_ > 0) list_.insert(list_.begin(), unlisted_error(unlisted_));
     return std::move(list_);
   }
 

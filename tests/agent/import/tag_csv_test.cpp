@@ -255,6 +255,20 @@ TEST(TagCsv, AValidNameIsNotLostToAnotherRow) {
   EXPECT_EQ(made.changed, 2U);
 }
 
+/// A config lists 1,000 errors: names that are made valid must not hide those of values.
+TEST(TagCsv, ManyInvalidNamesHideNoOtherFault) {
+  std::string text = "name,address\n";
+  for (int i = 0; i < 1500; ++i)
+    text += "Tag " + std::to_string(i) + ",D" + std::to_string(i) + "\n";
+  const Made made = made_of(text + "Pump 1,X8\nPump-1,X7\nPump.1,D7\n", import_tag_csv);
+  EXPECT_EQ(made.left_out, 1U);
+  EXPECT_EQ(made.changed, 1501U);
+  const auto& tags = made.config["devices"][0]["tags"];
+  ASSERT_EQ(tags.size(), 1502U);
+  EXPECT_EQ(tags[1500]["name"], "pump-1");
+  EXPECT_EQ(tags[1501]["name"], "pump_1") << "the row that is left out has no name";
+}
+
 TEST(TagCsv, BrokenJsonIsTold) {
   const Made made = made_of("device,name,address\nd,a,D0\n#store,{\n", import_tag_csv);
   expect_note(made, {"3: left out", "not JSON"});

@@ -100,6 +100,26 @@ TEST(RemoteSize, ErrorsOfTheShapeAreCounted) {
   EXPECT_EQ(errors[0].text, "500 more are not listed");
 }
 
+/// Errors of the limits and of the config share one list and one number.
+TEST(RemoteSize, AllErrorsOfADocumentAreCountedTogether) {
+  json plant = small_plant();
+  plant["agent"]["remote_config"] = true;
+  const Config local = good(plant.dump());
+  json config = {{"devices", plant["devices"]}};
+  json& tags = config["devices"][0]["tags"] = json::array();
+  for (int i = 0; i < 1200; ++i) {
+    config["x" + std::to_string(i)] = 1;
+    tags.push_back({{"name", "t" + std::to_string(i)}, {"address", "X8"}});
+  }
+  const auto read = read_desired(json{{"version", "v1"}, {"config", config}}.dump());
+  ASSERT_TRUE(read.errors.empty());
+  const auto made = effective_config(plant.dump(), local, read.desired,
+                                     [](std::string_view text) { return parse_config(text); });
+  ASSERT_FALSE(made);
+  EXPECT_EQ(made.error().size(), 1001u);
+  EXPECT_EQ(made.error()[0].text, "1400 more are not listed");
+}
+
 TEST(RemoteSize, AnInterruptedJudgingEndsAtOnce) {
   std::atomic<bool> stop = true;
   int read = 0;

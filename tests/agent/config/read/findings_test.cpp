@@ -83,6 +83,17 @@ TEST_F(FindingsTest, WhatIsTooMuchIsCounted) {
   EXPECT_EQ(texts().front(), "2 more are not listed");
 }
 
+TEST_F(FindingsTest, WhatManyDevicesRepeatIsCountedOnce) {
+  for (std::size_t i = 0; i < Findings::kMost; ++i)
+    findings_.add(second_.offset, second_, std::to_string(i), nullptr, 0);
+  for (std::uint32_t device = 1; device <= 50; ++device) {
+    const DeviceOrigin origin{device <= 25 ? &first_ : &second_, &base_, std::to_string(device)};
+    findings_.add(unit_.offset, unit_, "wrong", &origin, device);
+    findings_.add(unit_.key_offset, unit_, "unknown", &origin, device);
+  }
+  EXPECT_EQ(texts().front(), "2 more are not listed");
+}
+
 TEST_F(FindingsTest, AFaultOfTheKeyIsToldFromOneOfTheValue) {
   findings_.add(unit_.offset, unit_, "value", nullptr, 0);
   findings_.add(unit_.key_offset, unit_, "key", nullptr, 0);
@@ -91,6 +102,17 @@ TEST_F(FindingsTest, AFaultOfTheKeyIsToldFromOneOfTheValue) {
   EXPECT_EQ(list[0].pointer, list[1].pointer);
   EXPECT_TRUE(list[0].of_key);
   EXPECT_FALSE(list[1].of_key);
+}
+
+TEST(ErrorListTest, TheNumbersOfJoinedListsAreAdded) {
+  ErrorList list;
+  for (std::size_t i = 0; i < Findings::kMost - 1; ++i) list.add({"", 0, "fault"});
+  list.add(ConfigErrors{unlisted_error(5), {"/a", 0, "one"}, {"/b", 0, "two"}});
+  const auto errors = list.take();
+  ASSERT_EQ(errors.size(), Findings::kMost + 1);
+  EXPECT_EQ(errors.front().text, "6 more are not listed");
+  EXPECT_EQ(errors.front().unlisted, 6U);
+  EXPECT_EQ(errors.back().text, "one");
 }
 
 TEST_F(FindingsTest, WhatIsListedIsCountedForItsOthersThen) {
