@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <iterator>
 #include <map>
-#include <ranges>
 #include <string_view>
 #include <utility>
 
@@ -122,15 +121,7 @@ std::string names(const Indices& indices, const SharedList<DeviceConfig>& device
 void add_lines(std::vector<ConfigError>& errors, std::string_view file) {
   const auto tree = ConfigTree::parse(file, ConfigTree::Folding::tags, {}, Comments::allowed);
   if (!tree) return;
-  for (ConfigError& error : errors) {
-    const ConfigNode* node = &tree->root();
-    for (const auto key : std::views::split(std::string_view(error.pointer).substr(1), '/')) {
-      const ConfigNode* inner = node->find(std::string_view(key.begin(), key.end()));
-      if (inner == nullptr) break;
-      node = inner;
-    }
-    error.line = tree->line_of(node->offset);
-  }
+  for (ConfigError& error : errors) error.line = tree->line_of(tree->nearest(error.pointer).offset);
 }
 
 }  // namespace

@@ -1,7 +1,6 @@
 #include "agent/import/imported.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <ranges>
 #include <utility>
@@ -60,12 +59,10 @@ JsonObject json_of(const Imported& imported) {
 /// Removes "PREFIX3" from the front of a pointer and returns 3; nullopt if the prefix differs.
 std::optional<std::size_t> take_index(std::string_view& pointer, std::string_view prefix) {
   if (!pointer.starts_with(prefix)) return std::nullopt;
-  const std::string_view digits = pointer.substr(prefix.size());
-  std::size_t number = 0;
-  const auto [end, fault] = std::from_chars(digits.data(), digits.data() + digits.size(), number);
-  if (fault != std::errc()) return std::nullopt;
-  pointer = digits.substr(static_cast<std::size_t>(end - digits.data()));
-  return number;
+  const std::string_view rest = pointer.substr(prefix.size());
+  const std::string_view digits = rest.substr(0, rest.find('/'));
+  pointer = rest.substr(digits.size());
+  return number_from<std::size_t>(digits);
 }
 
 /// Returns "timeout_ms" for "/timeout_ms"; empty if the pointer is not a direct key of the object.

@@ -395,19 +395,8 @@ class Examination {
 
 int ConfigPlaces::line(std::string_view pointer) const {
   if (!tree_) return 0;
-  const ConfigNode* at = &tree_->root();
-  while (!pointer.empty()) {
-    pointer.remove_prefix(1);
-    const std::string_view step = pointer.substr(0, pointer.find('/'));
-    const auto next = std::ranges::find_if(at->children, [&](const ConfigNode& child) {
-      return at->kind == ConfigNode::Kind::array ? std::to_string(child.index) == step
-                                                 : child.key == step;
-    });
-    if (next == at->children.end()) break;
-    at = &*next;
-    pointer.remove_prefix(step.size());
-  }
-  return tree_->line_of(at->key_offset != 0 ? at->key_offset : at->offset);
+  const ConfigNode& at = tree_->nearest(pointer);
+  return tree_->line_of(at.key_offset != 0 ? at.key_offset : at.offset);
 }
 
 std::string ConfigPlaces::device(std::string_view name) const {

@@ -293,6 +293,20 @@ std::vector<ConfigNode> ConfigTree::items_of(const ConfigNode& folded) const {
   return std::move(array.children);
 }
 
+const ConfigNode& ConfigTree::nearest(std::string_view pointer) const {
+  const ConfigNode* at = root_.get();
+  take_until(pointer, '/');
+  while (!pointer.empty()) {
+    const std::string_view step = take_until(pointer, '/');
+    const auto next = std::ranges::find_if(at->children, [&](const ConfigNode& child) {
+      return at->kind == Kind::array ? std::to_string(child.index) == step : child.key == step;
+    });
+    if (next == at->children.end()) break;
+    at = &*next;
+  }
+  return *at;
+}
+
 int ConfigTree::line_of(std::size_t offset) const {
   // A newline belongs to the line that it ends.
   return 1 + static_cast<int>(std::lower_bound(newlines_.begin(), newlines_.end(), offset) -

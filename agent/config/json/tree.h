@@ -79,6 +79,9 @@ class ConfigTree {
   /// Parses the items of a folded array of this tree. Their parent is `folded`. Returns a copy of
   /// the items of any other array.
   std::vector<ConfigNode> items_of(const ConfigNode& folded) const;
+  /// Returns the value at a JSON pointer, or the nearest one around it. Keys with ~ or / and items
+  /// of folded arrays are not found.
+  const ConfigNode& nearest(std::string_view pointer) const;
   /// Returns the 1-based line of a byte of the text.
   int line_of(std::size_t offset) const;
   std::string place_of(const ConfigNode& node) const;
