@@ -119,6 +119,14 @@ class MixedPlant(PlantTest):
             self.assertLess(max(gaps), most, name)
             self.assertAlmostEqual(statistics.median(gaps), INTERVAL_MS, delta=SCHEDULING_MS)
 
+        for name in ("st2", "rtu2"):
+            for value in range(10):
+                self.send({"op": "write", "tag": "setpoint", "value": value, "id": self.next_id()}, name)
+        flooded = self.gaps(5)
+        self.table("and ten commands each for st2 and rtu2", flooded)
+        for name in NEIGHBOURS:
+            self.assertLess(max(flooded[name]), 2 * INTERVAL_MS + 2 * TIMEOUT_MS, name)
+
         since = self.watcher.mark()
         self.sim.clear_faults()
         for name in DEAD:  # a silent device of a shared line is retried at most every 30 s

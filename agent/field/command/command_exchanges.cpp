@@ -130,6 +130,10 @@ void CommandExchanges::add_hint(Exchange& exchange) const {
 asio::awaitable<Exchange> CommandExchanges::ask(Request request, SteadyTime not_after,
                                                 Effect effect) {
   using Outcome = Exchange::Outcome;
+  if (std::exchange(was_silent_, false) && !is_stopping()) {
+    part_began_.reset();
+    co_await sharing_.give_way_after_silence();
+  }
   // No need to open a channel or to enquire.
   if (Clock::now() > not_after) co_return Exchange::unsent(Outcome::expired, {});
   Exchange exchange;
@@ -169,6 +173,8 @@ asio::awaitable<Exchange> CommandExchanges::ask(Request request, SteadyTime not_
   }
   if (exchange.has_answer() && !is_of_gateway(exchange)) answered_ = true;
   if (exchange.outcome == Outcome::unanswered) unanswered_ = true;
+  was_silent_ = exchange.outcome == Outcome::unanswered || is_of_gateway(exchange);
+  if (was_silent_) sharing_.was_silent(exchange.line_time());
   co_return exchange;
 }
 

@@ -29,6 +29,11 @@ class BusSharing {
   /// of the part that has just ended.
   virtual asio::awaitable<void> give_way(std::chrono::nanoseconds used) = 0;
 
+  /// Called when the device has left an exchange unanswered for this long.
+  virtual void was_silent(std::chrono::nanoseconds lasted) = 0;
+  /// Lets the polls run that go first after a silence.
+  virtual asio::awaitable<void> give_way_after_silence() = 0;
+
   /// Called when one frame has written all targets, or may have. No target has its outcome yet.
   virtual void written_together(const Exchange& exchange) = 0;
   /// Called when a target has its outcome, while others still wait.
@@ -58,7 +63,8 @@ class CommandExchanges final {
   enum class Effect : std::uint8_t { none, change };
 
   /// Performs one exchange; sends nothing after `not_after`. Opens the channel if it is closed.
-  /// Before the first exchange that is to change something, marks the command as started.
+  /// Before the first exchange that is to change something, marks the command as started. After an
+  /// unanswered exchange, lets polls run first.
   asio::awaitable<Exchange> ask(Request request, SteadyTime not_after,
                                 Effect effect = Effect::none);
   /// Reads the whole point of the target, each exchange within latest_start(). Repeats each failed
@@ -121,6 +127,7 @@ class CommandExchanges final {
   bool cut_off_ = false;
   bool answered_ = false;
   bool unanswered_ = false;
+  bool was_silent_ = false;  ///< the last exchange went unanswered
 };
 
 }  // namespace fxagent

@@ -289,12 +289,14 @@ void LinkState::unreachable(LinkDevice& device, const std::string& reason) {
   unanswered_in_a_row_ = 0;
   device.gateway_says = reason;
   device.asked_in_vain = true;
+  link_.scheduler.was_silent(device.id, device.station.timeout);
   link_.scheduler.device(device.id).unanswered(Clock::now());
 }
 
 void LinkState::unanswered(LinkDevice& device, PolledDevice::AskedBy by) {
   device.gateway_says.clear();
   device.asked_in_vain = true;
+  link_.scheduler.was_silent(device.id, device.station.timeout);
   const bool silent = link_.scheduler.device(device.id).unanswered(Clock::now(), by);
   if (silent) device.state.fell_silent();
   const int limit = std::max(kDeadPeerAfter, static_cast<int>(link_.devices.size()) + 1);

@@ -43,12 +43,15 @@ void PollScheduler::remove_device(DeviceId id) {
     if (group.device == id) group.gone = true;
 }
 
-PollScheduler::Group* PollScheduler::most_urgent(SteadyTime now) {
+PollScheduler::Group* PollScheduler::most_urgent(SteadyTime now, Of devices) {
   Group* best = nullptr;
   SteadyTime best_deadline{};
   for (Group& group : groups_) {
     if (group.gone || group.schedule.begins_at() > now) continue;
     if (rests_until(group) > now) continue;
+    if (devices == Of::answering &&
+        (group.device == last_silent_ || device(group.device).is_silent()))
+      continue;
     const SteadyTime deadline = group.schedule.deadline();
     if (best != nullptr && deadline >= best_deadline) continue;
     best = &group;
@@ -68,10 +71,14 @@ SteadyTime PollScheduler::next_wake() const {
 
 PollScheduler::Job PollScheduler::next(SteadyTime now) {
   Job job;
-  Group* group = most_urgent(now);
-  if (share_.command_goes_first(group != nullptr)) {
-    job.kind = Job::Kind::command;
-    return job;
+  Group* group = after_silence_.count() > 0 ? most_urgent(now, Of::answering) : nullptr;
+  if (group == nullptr) {
+    after_silence_ = {};
+    group = most_urgent(now);
+    if (share_.command_goes_first(group != nullptr)) {
+      job.kind = Job::Kind::command;
+      return job;
+    }
   }
   if (group == nullptr) {
     job.until = next_wake();
@@ -115,12 +122,18 @@ SteadyTime PollScheduler::read_at_once(DeviceId device, SteadyTime from) {
   return from;
 }
 
+void PollScheduler::was_silent(DeviceId device, std::chrono::nanoseconds lasted) {
+  after_silence_ = std::max(after_silence_, lasted);
+  last_silent_ = device;
+}
+
 void PollScheduler::command_used(std::chrono::nanoseconds line_time, SteadyTime now) {
   if (share_.commands_waiting() > 0 && most_urgent(now) != nullptr) share_.polls_waited(line_time);
 }
 
 void PollScheduler::step_used(const PollStep& step, std::chrono::nanoseconds line_time) {
   share_.poll_used(line_time);
+  after_silence_ -= line_time;
   groups_[step.group].schedule.used(line_time);
 }
 

@@ -187,11 +187,11 @@ class PollScheduler final {
 
   /// Returns the job to run now, or the time to wait for. Changes state: the cycle of a poll with
   /// `starts_cycle` has begun. The same exchange is offered again until step_done() or the end of
-  /// the cycle. Waiting commands come first, except for the polls' share; then the due group with
-  /// the earliest deadline, unless it or its device rests. A running cycle goes on with its next
-  /// exchange by the same rule. A late cycle does not move the later ones: missed intervals are
-  /// skipped and counted, never sent in a burst. If the groups ask for more than the whole line,
-  /// all intervals are stretched by the same factor.
+  /// the cycle. Waiting commands come first, except for the polls' share and after a silence; then
+  /// the due group with the earliest deadline, unless it or its device rests. A running cycle goes
+  /// on with its next exchange by the same rule. A late cycle does not move the later ones: missed
+  /// intervals are skipped and counted, never sent in a burst. If the groups ask for more than the
+  /// whole line, all intervals are stretched by the same factor.
   Job next(SteadyTime now);
 
   /// Records that the step was carried out. True: the cycle has ended.
@@ -219,6 +219,9 @@ class PollScheduler final {
   /// missed. Groups are read again when they are next due.
   void forget_until(SteadyTime now);
 
+  /// Records that the device left a request unanswered for this long. Due polls of devices that
+  /// answer go before all else then, for as long again, so that they wait for one try at a time.
+  void was_silent(DeviceId device, std::chrono::nanoseconds lasted);
   /// Records line time used by a command; the polls' share depends on it.
   void command_used(std::chrono::nanoseconds line_time, SteadyTime now);
   /// Records line time used by an exchange of a group. Also measures the line time of its cycles.
@@ -241,8 +244,9 @@ class PollScheduler final {
     Rest rest{};
   };
 
+  enum class Of : std::uint8_t { all, answering };
   /// Returns the due group that goes first, or null.
-  Group* most_urgent(SteadyTime now);
+  Group* most_urgent(SteadyTime now, Of devices = Of::all);
   SteadyTime next_wake() const;
   /// Returns the end of the rest of the group or its device.
   SteadyTime rests_until(const Group& group) const {
@@ -252,6 +256,8 @@ class PollScheduler final {
   LineShare share_;
   std::vector<Device> devices_;
   std::vector<Group> groups_;
+  std::chrono::nanoseconds after_silence_{0};  ///< line time of was_silent() that is left
+  DeviceId last_silent_ = 0;
 };
 
 }  // namespace fxagent

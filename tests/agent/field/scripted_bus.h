@@ -21,12 +21,19 @@ class Others final : public BusSharing {
     used_before = used;
     co_return;
   }
+  void was_silent(std::chrono::nanoseconds lasted) override { silence = lasted; }
+  asio::awaitable<void> give_way_after_silence() override {
+    ++turns_after_silence;
+    co_return;
+  }
   void written_together(const Exchange&) override {}
   void concluded(std::size_t, const TargetResult&) override {}
   Reason why_stopping() const override { return stopping ? Reason::shutting_down : Reason::none; }
   bool is_over() const override { return over; }
 
   int turns = 0;
+  int turns_after_silence = 0;
+  std::chrono::nanoseconds silence{0};  ///< the last one
   std::chrono::nanoseconds used_before{0};
   bool stopping = false;
   bool over = false;

@@ -87,6 +87,19 @@ TEST_F(CommandExchangesTest, UnansweredWriteIsNotSentAgain) {
   EXPECT_TRUE(exchanges->was_unanswered());
 }
 
+TEST_F(CommandExchangesTest, PollsRunBetweenASilenceAndTheNextExchange) {
+  const auto read = [&] { return run_on(io, exchanges->read_point(target)).image.has_value(); };
+  wire->expect(kReadBack).silence();
+  EXPECT_FALSE(read());
+  EXPECT_GT(others.silence, nanoseconds(0));
+  EXPECT_EQ(others.turns_after_silence, 0) << "the result need not wait for polls";
+  for (int i = 0; i < 2; ++i) {
+    wire->expect(kReadBack).give(word_frame(50));
+    EXPECT_TRUE(read());
+    EXPECT_EQ(others.turns_after_silence, 1);
+  }
+}
+
 TEST_F(CommandExchangesTest, NothingBeginsAfterTheExpiryButWhatIsUnderWayIsFinished) {
   admitted.deadline = Clock::now() - milliseconds(1);
   EXPECT_EQ(send().outcome, Exchange::Outcome::expired);

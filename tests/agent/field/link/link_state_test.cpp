@@ -63,6 +63,12 @@ struct LinkStateTest : ScriptedBusTest {
     if (exchange.outcome == Exchange::Outcome::link_down) link->lost(exchange.error);
   }
 
+  void add_neighbour() {
+    config.devices.push_back(port_device("press2"));
+    devices.push_back(std::make_unique<LinkDevice>(config.devices.shared(1), 1));
+    devices[1]->id = scheduler.add_device(3, {});
+  }
+
   const Bytes kReadD100 = read_frame(kD100, 2);
   ProtocolInfo hinting;
   Config config;
@@ -329,15 +335,31 @@ TEST_F(LinkStateTest, DeviceThatHasAnsweredIsOfflineAfterAllItsTimeoutsAndHasThe
 
 TEST_F(LinkStateTest, DeviceWhoseNeighbourAnswersIsInDoubtAlone) {
   use(SerialSettings{"/dev/ttyUSB0"});
-  config.devices.push_back(port_device("press2"));
-  devices.push_back(std::make_unique<LinkDevice>(config.devices.shared(1), 1));
-  devices[1]->id = scheduler.add_device(3, {});
+  add_neighbour();
   open();
   link->answered(*devices[1]);
   link->unanswered(*devices[0]);
   link->update(*devices[0]);
   const std::string text = told().at(0).reason_text;
   expect_says(text, "other devices on /dev/ttyUSB0 answer");
+}
+
+TEST_F(LinkStateOnSerial, NeighboursOfADeviceThatLeavesAPollUnansweredGoBeforeACommand) {
+  add_neighbour();
+  scheduler.add_group(devices[1]->id, milliseconds(0), 1, SteadyTime{});
+  scheduler.share().command_waits();
+  open();
+  for (const bool by_gateway : {false, true}) {
+    EXPECT_EQ(scheduler.next(Clock::now()).kind, PollScheduler::Job::Kind::command);
+    if (by_gateway)
+      link->unreachable(*devices[0], "exception 0B");
+    else
+      link->unanswered(*devices[0]);
+    const PollScheduler::Job job = scheduler.next(Clock::now());
+    ASSERT_EQ(job.kind, PollScheduler::Job::Kind::poll);
+    scheduler.step_used(job.poll, std::chrono::hours(1));
+    scheduler.step_done(job.poll);
+  }
 }
 
 TEST_F(LinkStateTest, LinkThatIsDownSaysWhyInTheStateOfItsDevices) {

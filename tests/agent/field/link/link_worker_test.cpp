@@ -394,6 +394,32 @@ TEST_F(LinkWorkerWithSetpoint, CommandToASilentDeviceGoesOutAndFailsAtItsEnquiry
   EXPECT_EQ(ending(result), "FAILED device_offline");
 }
 
+TEST_F(LinkWorkerWithSetpoint, NeighbourIsPolledBetweenTheTriesOfCommandsToASilentDevice) {
+  config.devices[0].groups[0].interval = std::chrono::hours(1);
+  config.devices.push_back(port_device("press2"));
+  DeviceConfig& neighbour = config.devices[1];
+  neighbour.groups[0].interval = milliseconds(0);
+  neighbour.tags.push_back(tag(*neighbour.codec, "level", "D210"));
+  std::vector<std::size_t> polled;  // samples of the neighbour before each try
+  script().then([&](ByteView request) {
+    const Bytes asked(request.begin(), request.end());
+    if (asked != kWrite50 && asked != read_frame(kD200, 2)) return plc.answer(request);
+    collect();
+    polled.push_back(of_device(1).size());
+    return Bytes{};
+  });
+  start();
+  wait([&] { return !of_device(1).empty(); });
+  submit(write_setpoint("first"));
+  submit(write_setpoint("second"));
+  wait_for_result("first");
+  submit(write_setpoint("third"));
+  for (const char* id : {"second", "third"})
+    EXPECT_EQ(ending(wait_for_result(id)), "UNKNOWN_OUTCOME timeout");
+  ASSERT_EQ(polled.size(), 6U) << "each write and its read-back";
+  for (std::size_t i = 1; i < polled.size(); ++i) EXPECT_GT(polled[i], polled[i - 1]) << i;
+}
+
 TEST_F(LinkWorkerWithSetpoint, AnsweredCommandEndsTheBackOff) {
   plc.silent = true;
   start();

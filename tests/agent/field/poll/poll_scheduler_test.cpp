@@ -603,6 +603,65 @@ TEST(PollScheduler, NoPollIsOwedForAQuietTime) {
   EXPECT_EQ(scheduler.next(at(600)).kind, Kind::command);
 }
 
+/// Three devices that share a line. Each has a group that is always due.
+struct SharedLine : PollSchedulerTest {
+  SharedLine() {
+    for (const auto id : {device, other, scheduler.add_device(3, kBackOff)})
+      scheduler.add_group(id, milliseconds(0), 1, at(0));
+  }
+  /// Returns the devices of the polls, of 40 ms each, before the next command; at most 10.
+  std::vector<PollScheduler::DeviceId> polls_before_the_command() {
+    std::vector<PollScheduler::DeviceId> out;
+    for (auto job = scheduler.next(now); job.kind == Kind::poll && out.size() < 10;
+         job = scheduler.next(now)) {
+      out.push_back(job.poll.group);  // the n-th group is of the n-th device
+      now += milliseconds(40);
+      scheduler.step_used(job.poll, milliseconds(40));
+      scheduler.step_done(job.poll);
+    }
+    return out;
+  }
+  using Polls = std::vector<PollScheduler::DeviceId>;
+  const PollScheduler::DeviceId other = scheduler.add_device(3, kBackOff);
+  SteadyTime now = at(0);
+};
+
+TEST_F(SharedLine, AfterASilencePollsOfOthersGoBeforeTheNextCommandForAsLongAgain) {
+  scheduler.share().command_waits();
+  EXPECT_EQ(polls_before_the_command(), Polls{});
+  scheduler.was_silent(device, milliseconds(100));
+  scheduler.was_silent(device, milliseconds(100));
+  const Polls polls = polls_before_the_command();
+  EXPECT_EQ(polls.size(), 3U) << "two silences in a row count once";
+  EXPECT_TRUE(std::ranges::none_of(polls, [&](auto id) { return id == device; }));
+  EXPECT_EQ(polls_before_the_command(), Polls{});
+}
+
+TEST_F(SharedLine, SilenceCountsForACommandThatComesDuringThePollsAfterIt) {
+  scheduler.was_silent(device, milliseconds(100));
+  const auto first = scheduler.next(now);
+  scheduler.share().command_waits();
+  scheduler.step_used(first.poll, milliseconds(40));
+  scheduler.step_done(first.poll);
+  EXPECT_EQ(polls_before_the_command().size(), 2U);
+}
+
+TEST_F(SharedLine, PollsOfSilentDevicesWaitForThoseAfterASilence) {
+  for (int i = 0; i < 3; ++i) scheduler.device(other).unanswered(now - std::chrono::seconds(9));
+  scheduler.was_silent(device, milliseconds(100));
+  scheduler.share().command_waits();
+  const Polls polls = polls_before_the_command();
+  EXPECT_EQ(polls.size(), 3U);
+  EXPECT_TRUE(std::ranges::all_of(polls, [&](auto id) { return id != device && id != other; }));
+}
+
+TEST_F(PollSchedulerTest, SilenceOfALoneDeviceDelaysNoCommand) {
+  scheduler.add_group(device, milliseconds(0), 1, at(0));
+  scheduler.share().command_waits();
+  scheduler.was_silent(device, milliseconds(100));
+  EXPECT_EQ(scheduler.next(at(0)).kind, Kind::command);
+}
+
 TEST(PollScheduler, WhatIsOwedToPollsIsPartOfTheBound) {
   PollScheduler scheduler(0.2);
   const auto device = scheduler.add_device(1, kBackOff);
