@@ -187,6 +187,8 @@ void LinkState::opened() {
   // has answered.
   if (!link_.bus.channel().never_silent() && !was_refused_) reconnect_policy_.opened();
   was_open_ = true;
+  // A UDP port opens even if nothing is there.
+  if (link_.bus.channel().transport().has_datagrams() && is_asked(link_.devices)) is_vain_ = true;
   if (!is_vain_) log_up_once();
   SteadyTime from = Clock::now();
   for (const auto& device : link_.devices) {

@@ -44,7 +44,8 @@ class LinkState final {
   /// Returns the earliest time to open the closed bus.
   SteadyTime next_open() const { return next_open_; }
 
-  /// Call when the bus may have been opened. Marks the link as up if it was not.
+  /// Call when the bus may have been opened. Marks the link as up if it was not; on UDP, and after
+  /// a session without an answer, answered() does.
   void opened();
   /// Records that the bus could not be opened.
   void open_failed(const std::string& why);
@@ -98,10 +99,9 @@ class LinkState final {
   /// Closed because no device answers. A silent device then counts as silent, whether or not the
   /// bus is open.
   bool is_left_ = false;
-  bool was_down_ = false;  ///< was lost, failed to open or was taken back
-  /// The log reports the link as up. After a vain session, the next one is up at its first answer.
-  bool logged_up_ = false;
-  bool is_vain_ = false;      ///< the previous session had no answer
+  bool was_down_ = false;     ///< was lost, failed to open or was taken back
+  bool logged_up_ = false;    ///< the log reports the link as up
+  bool is_vain_ = false;      ///< the link is up at its first answer only
   bool was_refused_ = false;  ///< and its peer ended it
   int unanswered_in_a_row_ = 0;
   std::string yielded_;                 ///< empty: the port is ours

@@ -370,6 +370,20 @@ TEST_F(LinkStateTest, LinkThatIsDownSaysWhyInTheStateOfItsDevices) {
   EXPECT_EQ(told().at(0).reason_text, why);
 }
 
+TEST_F(LinkStateTest, UdpLinkIsUpWithItsFirstAnswer) {
+  use(UdpSettings{"192.0.2.10", 5007, 0});
+  for (int session = 0; session < 2; ++session) {
+    std::string log = logged([&] { open(); });
+    EXPECT_EQ(log.find("state=up"), std::string::npos) << session << log;
+    log = logged([&] {
+      for (int i = 0; i < 2; ++i) link->answered(*devices[0]);
+    });
+    expect_says(log, "state=up");
+    EXPECT_EQ(log.find("state=up"), log.rfind("state=up")) << log;
+    for (int i = 0; i < 3; ++i) link->unanswered(*devices[0]);
+  }
+}
+
 TEST_F(LinkStateTest, UdpPortWhereNobodyAnswersIsLeft) {
   use(UdpSettings{"192.0.2.10", 5007, 0});
   open();
