@@ -99,7 +99,7 @@ void GroupPlans::refused(LinkDevice& device, GroupPoll& group, ReadIndices reads
                                    : asked_in(group.cycle.reads().plan(), reads, points));
   if (!halves)
     log::warn("device", {{"device", device.config.name},
-                         {"refused", addresses.name_of(planned.read.span)},
+                         {"refused", names_of(addresses, planned.read.span)},
                          {"reason", exchange.reply.text}});
 }
 

@@ -468,6 +468,16 @@ TEST_F(ModbusPolls, BlockWithAHoleIsCutUntilEverythingElseIsRead) {
     EXPECT_TRUE(peer.asked[i] == "1 read 0 11" || peer.asked[i] == "1 read 12 20") << peer.asked[i];
 }
 
+TEST_F(ModbusPolls, HoleInAValueOfTwoRegistersIsLoggedWithBoth) {
+  DeviceConfig& meter = add_unit(1);
+  meter.tags.push_back(tag(*meter.codec, "energy", "hr:10", DataType::uint32));
+  peer.lacks = {11};
+  testing::internal::CaptureStderr();
+  start();
+  steps_until([&] { return !telemetry.empty(); });
+  expect_says(testing::internal::GetCapturedStderr(), "refused=\"hr:10 to hr:11\"");
+}
+
 TEST_F(ModbusPolls, DeviceThatGivesFewRegistersAtOnceIsReadInSmallerBlocks) {
   DeviceConfig& meter = add_unit(1);
   for (int n = 0; n < 100; ++n)
