@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "agent/field/bus/unexpected_bytes.h"
-
 namespace fxagent {
 namespace {
 
@@ -77,13 +75,13 @@ asio::awaitable<Exchange> Bus::ask(Station& station, const Request& request, Ste
   };
   if (overheard_.doubt().findings() != findings || !quiet_behind) {
     overheard_.doubt().exchange_was_unclear();
-    make_garbled("several answers, or one to another request: " + first_bytes(last_unexpected()));
+    make_garbled("several answers, or one to another request: " + unexpected_text());
   } else if (doubted) {
     overheard_.doubt().exchange_was_clean(wire_.now());
     exchange.doubted = true;
     if (!exchange.is_data())
       make_garbled("the answer does not count: unexpected bytes were on the line (" +
-                   first_bytes(last_unexpected()) + ")");
+                   unexpected_text() + ")");
   }
   if (!overheard_.doubt().is_doubted()) wire_.channel().answered_beyond_doubt();
   co_return exchange;

@@ -5,6 +5,7 @@
 #include <asio/awaitable.hpp>
 #include <chrono>
 #include <memory>
+#include <string>
 #include <utility>
 
 #include "agent/field/bus/exchange.h"
@@ -55,6 +56,7 @@ class Bus final {
   /// Foreign answers found on the bus, and the clean exchanges since.
   const BusDoubt& doubt() const { return overheard_.doubt(); }
   const Bytes& last_unexpected() const { return overheard_.last_unexpected(); }
+  std::string unexpected_text() const { return overheard_.unexpected_text(); }
   /// See Echo::is_found().
   bool echo_found() const { return overheard_.echo().is_found(); }
   void trace_to(std::unique_ptr<WireTrace> trace) { wire_.trace_to(std::move(trace)); }

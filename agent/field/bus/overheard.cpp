@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "agent/field/bus/unexpected_bytes.h"
+
 namespace fxagent {
 namespace {
 
@@ -75,6 +77,8 @@ bool Overheard::is_silence(const Exchange& exchange) const {
   return exchange.outcome == Exchange::Outcome::unanswered &&
          (exchange.received.empty() || echo_.may_be(exchange.received));
 }
+
+std::string Overheard::unexpected_text() const { return first_bytes(last_unexpected_, kMostKept); }
 
 void Overheard::keep(ByteView bytes) {
   const ByteView kept = bytes.first(std::min(bytes.size(), kMostKept));

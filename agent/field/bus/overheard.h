@@ -7,6 +7,7 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <string>
 
 #include "agent/field/bus/exchange.h"
 #include "agent/steady_time.h"
@@ -162,6 +163,8 @@ class Overheard final {
   void keep(ByteView bytes);
   /// Start of the last unexpected bytes, at most 64 of them; empty if there were none.
   const Bytes& last_unexpected() const { return last_unexpected_; }
+  /// Returns first_bytes() of them.
+  std::string unexpected_text() const;
 
   /// Records the time of the last byte that came.
   void received(SteadyTime now) { last_received_ = now; }

@@ -218,9 +218,11 @@ UnexpectedBytes looks_like(const DeviceConfig& device, const Codec& codec, ByteV
   return unknown;
 }
 
-std::string first_bytes(ByteView received) {
+std::string first_bytes(ByteView received, std::size_t most_kept) {
   std::string text = to_hex(received.first(std::min(received.size(), kShown)));
-  if (received.size() > kShown) text += " … (" + std::to_string(received.size()) + " bytes)";
+  if (received.size() > kShown)
+    text += " … (" + std::to_string(received.size()) +
+            (received.size() < most_kept ? " bytes)" : " or more bytes)");
   return text;
 }
 

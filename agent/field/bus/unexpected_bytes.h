@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <string>
 
 #include "agent/config/model.h"
@@ -33,7 +34,9 @@ struct UnexpectedBytes {
 UnexpectedBytes looks_like(const DeviceConfig& device, const Codec& codec, ByteView asked,
                            ByteView received);
 
-/// Returns the first 16 bytes in hex, and the total number if there are more.
-std::string first_bytes(ByteView received);
+/// Returns the first 16 bytes in hex, and the total number if there are more. Of `most_kept` bytes
+/// the caller does not know if more came.
+std::string first_bytes(ByteView received,
+                        std::size_t most_kept = std::numeric_limits<std::size_t>::max());
 
 }  // namespace fxagent

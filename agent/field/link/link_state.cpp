@@ -148,7 +148,7 @@ void BusLog::log_news() {
   if (!unexpected_logged_ && !link_.bus.last_unexpected().empty()) {
     unexpected_logged_ = true;
     log::warn("link", {{"link", link_.config.name},
-                       {"unexpected", first_bytes(link_.bus.last_unexpected())},
+                       {"unexpected", link_.bus.unexpected_text()},
                        {"note", "unexpected bytes; health counts them from now on" +
                                     look_of_unexpected(link_.devices, link_.bus)}});
   }
@@ -161,7 +161,7 @@ void BusLog::log_news() {
     doubt_logged_at_ = now;
     log::warn("link", {{"link", link_.config.name},
                        {"state", "doubted"},
-                       {"unexpected", first_bytes(link_.bus.last_unexpected())},
+                       {"unexpected", link_.bus.unexpected_text()},
                        {"note",
                         "another master, or late answers? Until several exchanges in a row are "
                         "clean, values are bad_frame and no ACK counts"}});

@@ -764,6 +764,7 @@ TEST_F(BusTest, ChannelThatFloodsFromTheStartDoesNotOpen) {
   wire->refuse_open("the port is gone");
   EXPECT_FALSE(run_on(io, bus->open()));
   EXPECT_EQ(bus->last_unexpected(), Bytes(64, 0x55)) << "still what to show";
+  expect_says(bus->unexpected_text(), "… (64 or more bytes)");
   wire->expect(kEnq).give(kAck).expect(kReadD100).give(word_frame(1));
   open();
   EXPECT_TRUE(bus->channel().never_silent()) << "until something was answered";
