@@ -88,9 +88,20 @@ std::string headline(const Wiring& wiring, Answers answers) {
   }
 }
 
+/// Returns the number that the device has among others: "`unit` (5)".
+std::string own_number(const Options& options) {
+  for (const char* key : {"unit", "station"})
+    if (options.contains(key)) return with_values(std::string("`") + key + "`", options);
+  return "the device";
+}
+
 /// Returns the text for a device that has answered before, so that its settings were right.
-std::string of_stopped(const Wiring& wiring) {
+std::string of_stopped(const Options& options, const Wiring& wiring, Answers answers) {
   const bool is_serial = wiring.channel == Wiring::Channel::serial;
+  if (answers == Answers::others_now)
+    return own_number(options) + " has answered before, and other devices on " + wiring.place +
+           " still answer. Check: does it have power; is its own wire" +
+           (is_serial ? "" : " behind " + wiring.place) + " in order; were its settings changed?";
   return std::string("it has answered before. Check: does it have power; ") +
          (is_serial ? "is its cable in place; does another program, panel or master use the line"
                     : "does the network reach it; does another program hold its connection") +
@@ -111,7 +122,8 @@ std::string_view checklist_of_closed(const ProtocolInfo& protocol, const Codec& 
 
 std::string checklist(const ProtocolInfo& protocol, const Options& options, const Codec& codec,
                       const Wiring& wiring, Answers answers) {
-  if (answers == Answers::until_now) return of_stopped(wiring);
+  if (answers == Answers::until_now || answers == Answers::others_now)
+    return of_stopped(options, wiring, answers);
   std::string out = headline(wiring, answers);
   out.append(". Check: does the device have power; ")
       .append(with_values(hints_for(protocol, codec).silent, options));

@@ -25,6 +25,7 @@ enum class Answers : std::uint8_t {
   from_others,  ///< other devices answer; this one never has
   of_gateway,   ///< a gateway answers on behalf of this device
   until_now,    ///< this device has answered before
+  others_now,   ///< this device has answered before; other devices on the channel answer now
 };
 
 /// Returns one human-readable line: what to check, most likely cause first. At most 1,000 bytes.

@@ -136,6 +136,18 @@ TEST(Checklist, DeviceThatStoppedHasTheRightUnit) {
   expect_says(text_of("mc-3e", {}, tcp(), Answers::until_now), "network");
 }
 
+TEST(Checklist, DeviceThatStoppedAloneIsNamedWithItsWire) {
+  const auto text = [](const Wiring& wiring) {
+    return text_of("modbus-rtu", {{"unit", std::int64_t{5}}}, wiring, Answers::others_now);
+  };
+  expect_says(text(tcp()), "other devices on 192.0.2.10:5007 still answer");
+  expect_says(text(tcp()), "is its own wire behind 192.0.2.10:5007 in order");
+  expect_says(text(serial()), "`unit` (5) has answered before");
+  expect_says(text(serial()), "is its own wire in order");
+  expect_says(text_of("mc-3c", {}, serial(), Answers::others_now), "`station` (0)");
+  EXPECT_EQ(text_of("mc-3e", {}, tcp(), Answers::others_now).find("the device has answered"), 0U);
+}
+
 TEST(Checklist, EveryProtocolHasOneThatFitsALogLine) {
   for (const ProtocolInfo& info : catalog()) {
     EXPECT_FALSE(info.hints.silent.empty()) << info.name;
@@ -143,8 +155,8 @@ TEST(Checklist, EveryProtocolHasOneThatFitsALogLine) {
     models.push_back(kAutoModel);
     for (const std::string_view model : models)
       for (const Wiring& wiring : {serial(), tcp()})
-        for (const Answers answers :
-             {Answers::none, Answers::from_others, Answers::of_gateway, Answers::until_now}) {
+        for (const Answers answers : {Answers::none, Answers::from_others, Answers::of_gateway,
+                                      Answers::until_now, Answers::others_now}) {
           if (wiring.line && !info.on_serial) continue;
           const std::string text =
               text_of(info.name, {{"model", std::string(model)}}, wiring, answers);

@@ -102,13 +102,17 @@ bool is_silent(const LinkParts& link, const LinkDevice& device) {
   return never_answered || link.scheduler.device(device.id).is_silent();
 }
 
-std::string why_silent(const LinkParts& link, const LinkDevice& device) {
+/// `unanswered_in_a_row`: consecutive unanswered exchanges with any device of the link.
+std::string why_silent(const LinkParts& link, const LinkDevice& device, int unanswered_in_a_row) {
   const auto why = [&](Answers answers) {
     return checklist_of(device.config, *device.codec, device.station.wiring, answers);
   };
   if (!device.gateway_says.empty())
     return "\"" + device.gateway_says + "\": " + why(Answers::of_gateway);
-  if (device.state.has_answered()) return why(Answers::until_now);
+  if (device.state.has_answered()) {
+    const int own = link.scheduler.device(device.id).unanswered_in_a_row();
+    return why(unanswered_in_a_row < own ? Answers::others_now : Answers::until_now);
+  }
   const bool others_answer = std::ranges::any_of(
       link.devices, [](const auto& other) { return other->state.has_answered(); });
   return why(others_answer ? Answers::from_others : Answers::none);
@@ -302,7 +306,7 @@ void LinkState::unanswered(LinkDevice& device, PolledDevice::AskedBy by) {
   const bool silent = link_.scheduler.device(device.id).unanswered(Clock::now(), by);
   if (silent) device.state.fell_silent();
   const int limit = std::max(kDeadPeerAfter, static_cast<int>(link_.devices.size()) + 1);
-  if (is_serial(link_.config) || ++unanswered_in_a_row_ < limit || !was_open_) return;
+  if (++unanswered_in_a_row_ < limit || is_serial(link_.config) || !was_open_) return;
   link_.bus.close();
   was_refused_ = false;
   is_left_ = true;
@@ -322,7 +326,7 @@ void LinkState::update(LinkDevice& device) {
   if (!facts.bus_open)
     facts.why_offline = why_down_text_;
   else if (facts.silent)
-    facts.why_offline = why_silent(link_, device);
+    facts.why_offline = why_silent(link_, device, unanswered_in_a_row_);
   for (const auto& group : device.groups) {
     const auto bad = group->cycle.first_bad();
     if (!bad) continue;

@@ -129,6 +129,8 @@ class PolledDevice final {
     return true;
   }
   bool is_silent() const { return silent_; }
+  /// Returns the number of consecutive exchanges without an answer.
+  int unanswered_in_a_row() const { return unanswered_; }
   SteadyTime rests_until() const { return rest_.until(); }
   const BackOff& back_off() const { return back_off_; }
 

@@ -362,6 +362,32 @@ TEST_F(LinkStateOnSerial, NeighboursOfADeviceThatLeavesAPollUnansweredGoBeforeAC
   }
 }
 
+TEST_F(LinkStateTest, UnitThatFallsSilentAloneBehindAGatewayIsNamedWithItsWire) {
+  use(TcpSettings{"192.0.2.10", 502});
+  add_neighbour();
+  config.devices[0].options = std::make_shared<Options>(Options{{"unit", std::int64_t{5}}});
+  devices[0] = std::make_unique<LinkDevice>(config.devices.shared(0), 0);
+  devices[0]->station.wiring = wiring_of(config.links[0], config.devices[0]);
+  open();
+  const auto text_after_silence = [&](bool neighbour_answers) {
+    for (const auto& device : devices) link->answered(*device);
+    for (const auto& device : devices) link->update(*device);
+    for (int i = 0; i < 3; ++i) {
+      if (neighbour_answers) link->answered(*devices[1]);
+      link->unanswered(*devices[0]);
+    }
+    link->update(*devices[0]);
+    std::string text;
+    for (const DeviceStatus& status : told())
+      if (status.device == 0) text = status.reason_text;
+    return text;
+  };
+  expect_says(text_after_silence(true),
+              "`unit` (5) has answered before, and other devices on 192.0.2.10:502 still answer. "
+              "Check: does it have power; is its own wire behind 192.0.2.10:502 in order");
+  expect_says(text_after_silence(false), "it has answered before. Check: does it have power");
+}
+
 TEST_F(LinkStateTest, LinkThatIsDownSaysWhyInTheStateOfItsDevices) {
   use(TcpSettings{"192.0.2.10", 502});
   const std::string why = "192.0.2.10:502: connection refused";
