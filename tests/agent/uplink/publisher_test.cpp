@@ -447,7 +447,7 @@ TEST_F(PublisherTest, StopDoesNotSpinWhileAServerIsSilent) {
   bench.stop_without_spinning(20);
 }
 
-TEST_F(PublisherTest, ConnectionMadeDuringAStopSubscribesToNothing) {
+TEST_F(PublisherTest, ConnectionMadeDuringAStopSubscribesToNothingAndSaysSo) {
   bench.broker.reachable = bench.broker.answers = false;
   bench.settle();
   bench.made().stop(bench.now);
@@ -455,7 +455,13 @@ TEST_F(PublisherTest, ConnectionMadeDuringAStopSubscribesToNothing) {
   bench.broker.connect(0, kReceiveMaximum);  // the attempt succeeds
   bench.stop_without_spinning(10);
   EXPECT_TRUE(bench.broker.filters.empty());
-  EXPECT_EQ(bench.last("/state")["reason"], "stopped");
+  const auto states = bench.broker.on(kBase + "/state");
+  ASSERT_EQ(states.size(), 2U);
+  const json online = json::parse(states[0]);
+  EXPECT_EQ(online["state"], "online");
+  EXPECT_EQ(online["commands"], false);
+  EXPECT_EQ(online["reason"], "the agent is stopping");
+  EXPECT_EQ(json::parse(states[1])["reason"], "stopped");
 }
 
 TEST_F(PublisherTest, ThreadEndsAfterACleanStop) {
