@@ -103,6 +103,9 @@ struct BrokerStatus {
   std::string not_heard_why{};  ///< connected without commands: why; empty: not known yet
   std::int64_t since_ms = 0;    ///< last connect or disconnect; before the first: the start
   std::string why{};            ///< why it is not connected; empty: an attempt is in progress
+  /// Kinds of messages that the broker refuses now and the agent repeats: "states", "results". For
+  /// samples see AgentStatus::refused.
+  std::vector<std::string> refused{};
 };
 
 /// The config in force and the outcome of the last reload.

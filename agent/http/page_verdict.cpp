@@ -59,6 +59,10 @@ class Examination final {
           "Allow this client to subscribe to " + config_.base_topic() + "/+/command on the broker.",
           broker.since_ms);
     }
+    for (const std::string& what : broker.refused)
+      add(Severity::bad, "broker", "The broker refuses " + what + " of the agent",
+          "Allow this client to publish them: fxagent acl prints access rules for mosquitto. The "
+          "log has the broker's reason.");
     if (!status_.conflict.empty())
       add(Severity::bad, "",
           "Another agent has the same id (boot " + status_.conflict +

@@ -1,8 +1,10 @@
 #include "agent/http/probe.h"
 
+#include <algorithm>
 #include <vector>
 
 #include "agent/text/json_writer.h"
+#include "agent/text/text.h"
 
 namespace fxagent {
 namespace {
@@ -23,6 +25,16 @@ Reasons faults(const AgentStatus* status, SteadyTime now) {
   const auto silence = now - status->field_heard.value_or(status->made_at - status->uptime);
   if (silence > kFieldWithin) return {"field: no sign of life for " + text_of(silence)};
   return {};
+}
+
+/// Returns what the broker does not accept from this agent: "states", "samples of 2 devices".
+Reasons refused_by_broker(const AgentStatus& status) {
+  Reasons refused = status.broker.refused;
+  const auto is_refused = [](const std::string& code) { return !code.empty(); };
+  const auto devices =
+      static_cast<std::uint64_t>(std::ranges::count_if(status.refused, is_refused));
+  if (devices > 0) refused.push_back("samples of " + counted(devices, "device"));
+  return refused;
 }
 
 Probe probe(const Reasons& reasons, const AgentStatus* status, SteadyTime now) {
@@ -61,6 +73,8 @@ Probe readiness_of(const AgentStatus* status, SteadyTime now) {
       reasons.push_back("commands are not received: " + (broker.not_heard_why.empty()
                                                              ? "the broker has not confirmed yet"
                                                              : broker.not_heard_why));
+    for (const std::string& what : refused_by_broker(*status))
+      reasons.push_back("the broker refuses " + what + ": see the log");
     if (!status->conflict.empty())
       reasons.push_back("commands are refused: another agent has the same id, boot " +
                         status->conflict);

@@ -26,7 +26,8 @@ bool is_stale(const AgentStatus* status, SteadyTime now);
 /// changes nothing: a restart of the agent would not help. `status` null: there is none yet.
 Probe health_of(const AgentStatus* status, SteadyTime now);
 
-/// Good if healthy, connected to a broker, subscribed to commands, and no other agent has our id.
+/// Good if healthy, connected to a broker that refuses nothing, subscribed to commands, and no
+/// other agent has our id.
 Probe readiness_of(const AgentStatus* status, SteadyTime now);
 
 }  // namespace fxagent

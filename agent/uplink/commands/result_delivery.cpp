@@ -148,6 +148,13 @@ void ResultDelivery::copy_done(const Flight& flight, State how) {
   results_.erase(found);
 }
 
+bool ResultDelivery::is_refused() const {
+  return std::ranges::any_of(results_, [](const auto& each) {
+    const Copy& copy = each.second.copies.front();
+    return copy.failures > 0 && copy.state < State::acknowledged;
+  });
+}
+
 bool ResultDelivery::is_far_behind(const Heard& heard) const {
   return std::ranges::any_of(flights_, [&heard](const auto& each) {
     const auto& then = each.second.heard;

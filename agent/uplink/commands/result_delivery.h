@@ -49,6 +49,8 @@ class ResultDelivery final : public Outgoing::Sender {
   bool empty() const { return results_.empty(); }
   std::size_t size() const { return results_.size(); }
   std::size_t bytes() const { return bytes_; }  ///< in memory, approximately
+  /// True while a result is repeated because the broker or the library has refused it.
+  bool is_refused() const;
   /// True if as many results are waiting as there is room for. Do not read more commands then.
   bool is_full() const;
   /// Returns the time by which pump() must run, apart from acknowledgements.

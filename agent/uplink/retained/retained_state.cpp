@@ -163,6 +163,11 @@ void RetainedState::failed(const DeliveryFailed& event, SteadyTime now) {
   flights_.erase(found);
 }
 
+bool RetainedState::is_refused() const {
+  const auto has_failed = [](const auto& each) { return each.second.failures > 0; };
+  return std::ranges::any_of(due_, has_failed) || std::ranges::any_of(flights_, has_failed);
+}
+
 SteadyTime RetainedState::next_wake(SteadyTime now) const {
   SteadyTime wake = SteadyTime::max();
   for (const auto& [key, due] : due_)

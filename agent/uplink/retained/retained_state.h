@@ -76,6 +76,8 @@ class RetainedState final : public Outgoing::Sender {
 
   void pump(SteadyTime now);
   bool empty() const { return due_.empty(); }
+  /// True while a message is repeated because the broker or the library has refused it.
+  bool is_refused() const;
   /// Returns the time by which pump() must run, apart from acknowledgements.
   SteadyTime next_wake(SteadyTime now) const;
 

@@ -78,4 +78,11 @@ inline AgentStatus made_up_status() {
   return status;
 }
 
+/// The same without refused samples, which make an agent unready.
+inline AgentStatus ready_status() {
+  AgentStatus status = made_up_status();
+  status.refused.clear();
+  return status;
+}
+
 }  // namespace fxagent::test

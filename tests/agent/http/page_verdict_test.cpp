@@ -146,6 +146,7 @@ TEST(PageVerdict, EachOtherFaultHasItsSentenceAndCure) {
            Case{[](AgentStatus& s) { s.conflict = "0badc0de"; }, "same id"},
            Case{[](AgentStatus& s) { s.broker.not_heard_why = "not authorised"; },
                 "not authorised"},
+           Case{[](AgentStatus& s) { s.broker.refused = {"results"}; }, "refuses results"},
            Case{[](AgentStatus& s) { s.store_state = "memory"; },
                 "samples and audit records are in memory only"},
            Case{[](AgentStatus& s) { s.store_state = "hangs"; }, "does not respond"},

@@ -68,12 +68,23 @@ TEST(Health, FieldHasItsTimeAtTheStart) {
 }
 
 TEST(Readiness, ConnectedAndSubscribedIsReady) {
-  const AgentStatus status = made_up_status();
+  const AgentStatus status = ready_status();
   EXPECT_EQ(why(readiness_of(&status, kMade)), "");
 }
 
+TEST(Readiness, EachKindOfMessageThatTheBrokerRefusesIsNamed) {
+  AgentStatus status = ready_status();
+  status.refused = {"", "0x87"};
+  EXPECT_EQ(why(readiness_of(&status, kMade)),
+            "the broker refuses samples of 1 device: see the log");
+  status.refused.clear();
+  status.broker.refused = {"states"};
+  EXPECT_EQ(why(readiness_of(&status, kMade)), "the broker refuses states: see the log");
+  EXPECT_TRUE(health_of(&status, kMade).good);
+}
+
 TEST(Readiness, EachThingThatIsMissingIsNamed) {
-  AgentStatus status = made_up_status();
+  AgentStatus status = ready_status();
   status.broker = {"mqtt://one:1883", false, false};
   EXPECT_EQ(why(readiness_of(&status, kMade)), "broker: no connection to mqtt://one:1883");
   status.broker.why = "connection refused";

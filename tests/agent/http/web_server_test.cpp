@@ -52,7 +52,7 @@ struct WebServerTest : testing::Test {
 };
 
 TEST_F(WebServerTest, EachPathHasItsAnswer) {
-  publish(made_up_status());
+  publish(ready_status());
   const WebServer server(config_, board_);
   HttpClient metrics = ask("/metrics");
   EXPECT_EQ(metrics.status(), 200);

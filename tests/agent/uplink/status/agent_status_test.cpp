@@ -317,6 +317,19 @@ TEST_F(AgentStatusTest, SaysHowItStandsWithTheBroker) {
   EXPECT_EQ(heard.not_heard_why, "");
 }
 
+TEST_F(AgentStatusOnlineTest, NamesWhatTheBrokerRefusesUntilItAccepts) {
+  const auto refused_with = [&](const char* topic) {
+    bench.broker.refuses_topic = topic;
+    bench.advance(60s);
+    return bench.asked()->broker.refused;
+  };
+  EXPECT_TRUE(bench.asked()->broker.refused.empty());
+  EXPECT_EQ(refused_with("/health"), std::vector<std::string>{"states"});
+  bench.outbox.push(test::succeeded("a"));
+  EXPECT_EQ(refused_with("/result"), std::vector<std::string>{"results"});
+  EXPECT_TRUE(refused_with("").empty());
+}
+
 TEST_F(AgentStatusOnlineTest, SaysWhenTheFieldHasToldItsCounters) {
   EXPECT_FALSE(bench.asked()->field_heard);
   bench.report(test::counted(0, 0));
