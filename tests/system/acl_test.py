@@ -7,7 +7,7 @@ import unittest
 
 import paho.mqtt.client as mqtt
 
-from plant import (BASE, Agent, Broker, PlantTest, Watcher, config_of, device, fxagent, password_file,
+from plant import (BASE, Agent, Broker, PlantTest, Watcher, config_of, device, free_port, fxagent, http_ask, password_file,
                    request_properties, wait_for, write_json, write_text)
 
 NOT_AUTHORISED = 0x87
@@ -221,6 +221,40 @@ class BrokerAcl(PlantTest):
         viewer.wait(topics[-1])
         self.assertEqual(set(viewer.topics()), {topics[0], topics[-1]},
                          "a viewer sees the status of the pair, not what the gateways tell each other")
+
+    def test_the_check_and_the_agent_name_what_a_user_without_rights_cannot_do(self):
+        self.start_secured()
+        self.start_sim()
+        port = free_port()
+        self.agent = Agent(self.directory, self.config(username="stranger") | {"metrics": {"listen": f"127.0.0.1:{port}"}})
+        anna = self.user("anna")
+        anna.subscribe(BASE + "/#")
+        status, said, _ = fxagent("check", "--online", self.agent.path)
+        self.assertEqual(status, 4, said)
+        self.assertIn(f"does not let the agent's user publish on {BASE}/press1/result/check-", said)
+        self.assertIn("fxagent acl prints access rules", said)
+
+        def readiness():
+            return json.loads(http_ask(port, "/readyz")[1])
+        self.agent.start()
+        self.agent.wait_logged("broker_connected")
+        wait_for("the refusals", lambda: [why.rpartition(":")[0] for why in readiness()["why"]] ==
+                 ["the broker refuses states", "the broker refuses samples of 1 device"])
+        self.assertEqual(anna.messages, [])
+
+        # With all rights the agent is ready, and the check publishes nothing but one empty response.
+        self.agent.config["mqtt"]["username"] = "edge7"
+        self.agent.write(self.agent.config)
+        self.agent.process.send_signal(signal.SIGHUP)
+        wait_for("a ready agent", lambda: readiness()["ok"])
+        self.agent.stop()
+        since = anna.mark()
+        status, said, _ = fxagent("check", "--online", self.agent.path)
+        self.assertEqual(status, 0, said)
+        self.assertIn(": answers\n  not tested: the right to receive commands", said)
+        [(_, topic, payload, message)] = anna.messages[since:]
+        self.assertTrue(topic.startswith(f"{BASE}/press1/result/check-"), topic)
+        self.assertEqual((payload, message.retain), (None, False))
 
     def test_names_that_cannot_stand_there_are_refused(self):
         self.broker = Broker(self.directory)

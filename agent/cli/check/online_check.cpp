@@ -156,11 +156,18 @@ void ask(const Config& config, const std::vector<std::uint32_t>& devices, Online
 
 // ---- brokers ------------------------------------------------------------------------------------
 
-/// Connects to one server and makes the subscriptions that the agent needs.
+/// Rights of the agent's user that the check tries at a broker.
+struct TriedRights {
+  std::vector<std::string> filters;  ///< to subscribe to
+  /// To publish on, without harm: a response topic that no command has named. Empty: on none.
+  std::string topic{};
+};
+
+/// Connects to one server and tries the rights that the agent needs.
 class BrokerLook final {
  public:
-  BrokerLook(const MqttConfig& mqtt, std::size_t server, std::vector<std::string> filters)
-      : filters_(std::move(filters)),
+  BrokerLook(const MqttConfig& mqtt, std::size_t server, TriedRights rights)
+      : rights_(std::move(rights)),
         found_{.server = mqtt.servers[server]},
         broker_(mqtt, /*make_will=*/{}, [this] { news_.release(); }) {
     broker_.connect(server, kReceiveMaximum);
@@ -184,32 +191,46 @@ class BrokerLook final {
   }
   void on(const Connected&) {
     found_.connected = true;
-    subscribe();
+    try_next();
   }
   void on(const ConnectFailed& event) { end(event.text); }
-  void on(const Lost& event) { end("it closed the connection: " + event.text); }
+  void on(const Lost& event) {
+    const bool has_published = tried_ > rights_.filters.size();
+    end("it closed the connection" +
+        (has_published ? " after a message on " + rights_.topic : std::string()) + ": " +
+        event.text);
+  }
   void on(const Subscribed& event) {
-    if (!event.granted)
-      return end("it refuses to let the agent's user subscribe to " + event.filter + " (" +
-                 event.text +
-                 "): the agent needs it; fxagent acl prints access rules for mosquitto");
-    ++subscribed_;
-    subscribe();
+    if (!event.granted) refuses("subscribe to " + event.filter, event.text);
+    try_next();
+  }
+  void on(const Delivered&) { try_next(); }
+  void on(const DeliveryFailed& event) {
+    refuses("publish on " + rights_.topic, event.text);
+    try_next();
   }
   void on(const Disconnected&) { over_ = true; }
   void on(const auto&) {}
 
-  void subscribe() {
-    if (subscribed_ == filters_.size()) return end({});
-    broker_.subscribe({filters_[subscribed_], /*no_local=*/false});
+  void try_next() {
+    const std::size_t at = tried_++;
+    if (at < rights_.filters.size())
+      broker_.subscribe({rights_.filters[at], /*no_local=*/false});
+    else if (at == rights_.filters.size() && !rights_.topic.empty())
+      broker_.publish({.topic = rights_.topic});
+    else
+      end({});
+  }
+  void refuses(const std::string& right, const std::string& why) {
+    found_.refused.push_back(right + " (" + why + ")");
   }
   void end(const std::string& text) {
     over_ = true;
     if (found_.text.empty()) found_.text = text;
   }
 
-  const std::vector<std::string> filters_;
-  std::size_t subscribed_ = 0;
+  const TriedRights rights_;
+  std::size_t tried_ = 0;  ///< number of rights tried; the topic comes after the filters
   OnlineBroker found_;
   bool over_ = false;
   std::counting_semaphore<> news_{0};
@@ -217,29 +238,37 @@ class BrokerLook final {
 };
 
 /// Looks at each server of `mqtt`.
-void look_at(MqttConfig mqtt, const std::vector<std::string>& filters,
-             std::vector<OnlineBroker>& found) {
+void look_at(MqttConfig mqtt, TriedRights rights, std::vector<OnlineBroker>& found) {
   // Uses its own client id: the agent's id would disconnect the running agent.
   mqtt.client_id += "-check-" + random_digits();
-  for (std::size_t i = 0; i < mqtt.servers.size(); ++i)
-    found.push_back(BrokerLook(mqtt, i, filters).run());
+  if (mqtt.version != 5) rights.topic.clear();  // MQTT 3.1.1 acknowledges what it refuses
+  for (std::size_t i = 0; i < mqtt.servers.size(); ++i) {
+    OnlineBroker& broker = found.emplace_back(BrokerLook(mqtt, i, rights).run());
+    broker.is_publishing_tried = !rights.topic.empty();
+  }
 }
 
 std::vector<OnlineBroker> online_brokers(const Config& config) {
-  const std::string commands = config.base_topic() + "/+/command";
-  std::vector<std::string> filters{commands};
-  if (config.remote.enabled) filters.push_back(config.base_topic() + std::string(kDesiredTopic));
+  const std::string base = config.base_topic();
+  const std::string commands = base + "/+/command";
+  TriedRights own{{commands}};
+  if (!config.devices.empty())
+    own.topic =
+        base + "/" + std::string(config.devices.front().name) + "/result/check-" + random_digits();
+  TriedRights of_json = own;
+  if (config.remote.enabled) own.filters.push_back(base + std::string(kDesiredTopic));
   if (config.pair)
     for (const std::string_view topic : kPairTopics)
-      filters.push_back(config.base_topic() + "/" + std::string(topic));
+      own.filters.push_back(base + "/" + std::string(topic));
   std::vector<OnlineBroker> found;
-  look_at(config.mqtt, filters, found);
+  look_at(config.mqtt, own, found);
   for (const BrokerConfig& broker : config.brokers) {
-    const bool hears =
-        broker.commands && std::ranges::any_of(config.profiles, [&](const ProfileConfig& profile) {
-          return profile.kind == ProfileConfig::Kind::json && profile.broker == broker.name;
-        });
-    look_at(broker.mqtt, hears ? std::vector{commands} : std::vector<std::string>(), found);
+    const bool has_json = std::ranges::any_of(config.profiles, [&](const ProfileConfig& profile) {
+      return profile.kind == ProfileConfig::Kind::json && profile.broker == broker.name;
+    });
+    TriedRights rights = has_json ? of_json : TriedRights{};
+    if (!broker.commands) rights.filters.clear();
+    look_at(broker.mqtt, rights, found);
   }
   return found;
 }

@@ -42,6 +42,10 @@ bool differs(const OnlineDevice& device) {
          (!device.reason.empty() || !device.bad.empty() || !device.model_configured.empty());
 }
 
+bool is_faulty(const OnlineBroker& broker) {
+  return !broker.text.empty() || !broker.refused.empty();
+}
+
 std::string_view word(LinkState state) {
   constexpr std::array kWords{"open", "down", "held", "unused"};  // the order of LinkState
   static_assert(kWords.size() == static_cast<std::size_t>(LinkState::unused) + 1);
@@ -103,7 +107,13 @@ std::string said(const OnlineDevice& device, const DeviceConfig& config) {
 
 std::string said(const OnlineBroker& broker) {
   if (!broker.connected) return "does not answer";
-  return broker.text.empty() ? "answers" : "answers, but refuses what the agent needs";
+  return is_faulty(broker) ? "answers, but refuses what the agent needs" : "answers";
+}
+
+/// Returns what the check cannot know of a broker that answers.
+std::string untested(const OnlineBroker& broker) {
+  return std::string(broker.is_publishing_tried ? "" : "the right to publish; ") +
+         "the right to receive commands, which mosquitto does not report";
 }
 
 // ---- requests to a running agent ----------------------------------------------------------------
@@ -202,8 +212,12 @@ std::vector<std::string> to_do_of(const Config& config, const OnlineFindings& fi
   std::vector<std::string> to_do;
   for (std::size_t i = 0; i < findings.links.size(); ++i) add_link(to_do, config, findings, i);
   for (std::size_t i = 0; i < findings.devices.size(); ++i) add_device(to_do, config, findings, i);
-  for (const OnlineBroker& broker : findings.brokers)
+  for (const OnlineBroker& broker : findings.brokers) {
     if (!broker.text.empty()) to_do.push_back(broker.server + ": " + broker.text);
+    for (const std::string& right : broker.refused)
+      to_do.push_back(broker.server + ": it does not let the agent's user " + right +
+                      "; fxagent acl prints access rules for mosquitto");
+  }
   return to_do;
 }
 
@@ -356,13 +370,12 @@ int exit_status(const OnlineFindings& findings) {
   const auto link_is = [&](LinkState state) {
     return std::ranges::find(findings.links, state, &OnlineLink::state) != findings.links.end();
   };
-  const auto is_refused = [](const OnlineBroker& broker) { return !broker.text.empty(); };
   if (link_is(LinkState::down) || std::ranges::any_of(findings.devices, is_silent) ||
       !std::ranges::all_of(findings.brokers, &OnlineBroker::connected))
     return kFailed;
   if (link_is(LinkState::held)) return kHeld;
   if (std::ranges::any_of(findings.devices, differs) ||
-      std::ranges::any_of(findings.brokers, is_refused))
+      std::ranges::any_of(findings.brokers, is_faulty))
     return kDiffers;
   return kDone;
 }
@@ -377,8 +390,10 @@ std::string online_text(const Config& config, const OnlineFindings& findings) {
     line("device " + device.name + " on " + config.links[device.link].name + ": " +
          said(findings.devices[i], device));
   }
-  for (const OnlineBroker& broker : findings.brokers)
+  for (const OnlineBroker& broker : findings.brokers) {
     line("broker " + broker.server + ": " + said(broker));
+    if (broker.connected && !is_faulty(broker)) line("  not tested: " + untested(broker));
+  }
   const auto to_do = to_do_of(config, findings);
   if (to_do.empty()) {
     line("Everything answers. Next: fxagent run " + findings.path);
@@ -410,7 +425,9 @@ std::string online_json(const Config& config, const OnlineFindings& findings) {
   for (const OnlineBroker& broker : findings.brokers)
     brokers.push_back({{"server", broker.server},
                        {"connected", broker.connected},
-                       {"text", or_null(broker.text)}});
+                       {"text", or_null(broker.text)},
+                       {"refused", broker.refused},
+                       {"publishing_tried", broker.is_publishing_tried}});
   out["to_do"] = to_do_of(config, findings);
   return dumped(out) + "\n";
 }

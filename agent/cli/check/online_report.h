@@ -57,7 +57,11 @@ struct OnlineDevice {
 struct OnlineBroker {
   std::string server;
   bool connected = false;
-  std::string text{};  ///< why it did not connect, or what it refuses; empty: no fault
+  std::string text{};  ///< why there is no connection, or no longer; empty: no fault
+  /// Rights that the agent's user lacks, with the broker's reason:
+  /// "subscribe to fx/edge7/+/command (Not authorized)".
+  std::vector<std::string> refused{};
+  bool is_publishing_tried = false;  ///< false: `refused` can name only subscriptions
 };
 
 /// Collects the answers of a config's devices. Expects from each queried device its state and one

@@ -36,6 +36,7 @@ struct OnlineReport : testing::Test {
     findings.path = "agent.json";
     for (const LinkConfig& link : config.links) findings.links.push_back({link.name, "place"});
     findings.brokers = {{"mqtts://broker.example:8883", true}};
+    findings.brokers[0].is_publishing_tried = true;
     devices.ask(0);
     devices.ask(1);
   }
@@ -95,6 +96,7 @@ TEST_F(OnlineReport, HasALineForEachLinkDeviceAndBrokerAndTheNextCall) {
             "device press1 on line1: answers, FX3U, RUN, 3 tags read\n"
             "device meter on line2: answers, 1 tag read\n"
             "broker mqtts://broker.example:8883: answers\n"
+            "  not tested: the right to receive commands, which mosquitto does not report\n"
             "Everything answers. Next: fxagent run agent.json\n");
   EXPECT_EQ(status(), 0);
 }
@@ -139,6 +141,28 @@ TEST_F(OnlineReport, ABrokerThatIsAwayIsOneAndOneThatRefusesIsFour) {
   EXPECT_EQ(status(), 4);
   findings.brokers[0].connected = false;
   EXPECT_EQ(status(), 1);
+}
+
+TEST_F(OnlineReport, EachRightThatTheBrokerRefusesIsNamedWithTheCure) {
+  press_answers();
+  meter_answers();
+  findings.brokers[0].refused = {"subscribe to fx/edge7/+/command (not authorised)",
+                                 "publish on fx/edge7/press1/result/x (not authorised)"};
+  const std::string said = text();
+  expect_says(said,
+              "broker mqtts://broker.example:8883: answers, but refuses what the agent needs\n");
+  for (const std::string& right : findings.brokers[0].refused)
+    expect_says(said, "does not let the agent's user " + right + "; fxagent acl prints");
+  EXPECT_EQ(said.find("not tested"), std::string::npos) << said;
+  EXPECT_EQ(status(), 4);
+}
+
+TEST_F(OnlineReport, SaysWhatItCannotKnowOfABroker) {
+  press_answers();
+  meter_answers();
+  findings.brokers[0].is_publishing_tried = false;
+  expect_says(text(), "  not tested: the right to publish; the right to receive commands");
+  EXPECT_EQ(status(), 0);
 }
 
 TEST_F(OnlineReport, TagsThatAreRefusedAreNamedTogetherWithTheCure) {
