@@ -387,8 +387,9 @@ void TypedCommandsProfile::carry_out(const Message& message, const std::string& 
   } else if (request.name == kRun || request.name == kStop) {
     command.string(request.name == kRun ? "run" : "stop");
   } else {
-    // The words of the agent's own commands are not among the names.
-    command.string(op_from(request.name) ? "command " + request.name : request.name);
+    // A name such as "read" must not become the agent's own command. The host's answer, the result
+    // on MQTT and the audit have it as "DCMD read".
+    command.string(op_from(request.name) ? "DCMD " + request.name : request.name);
   }
   // Admission refuses an argument that is no key of a command, and a value that is missing.
   for (const Metric& argument : metric.command().arguments())

@@ -415,7 +415,7 @@ TEST_F(TypedRequest, WordsOfTheAgentAreNoCommands) {
        {"12 0E 0A 04 72 65 61 64 62 06 1A 04 63 63 63 63",                 // read
         "12 12 0A 08 66 6F 72 63 65 5F 6F 6E 62 06 1A 04 63 63 63 63"}) {  // force_on
     hear("DCMD/edge7/press1", (std::string("2A 01 68 ") + name).c_str());
-    test::expect_says(relayed_.back().payload, R"("op":"command )");
+    test::expect_says(relayed_.back().payload, R"("op":"DCMD )");
   }
   hear("DCMD/edge7/press1", "2A 01 68 12 10 0A 06 52 65 62 6F 6F 74 62 06 1A 04 63 63 63 63");
   test::expect_says(relayed_.back().payload, R"("op":"Reboot")");
