@@ -317,6 +317,17 @@ class InChromium(Browser, PagePlant):
                     self.assertEqual(self.do(axe=True), [])
                     self.assertTrue(self.do(until="document.documentElement.scrollWidth <= innerWidth"))
 
+    def test_the_age_of_a_value_is_that_of_its_last_read_or_change(self):
+        self.begin()
+        self.browse()
+        self.open("values")
+        begins = "document.querySelector('.row .age')?.textContent.startsWith('%s ')"
+        self.do(until=begins % "read")
+        self.reload(lambda config: config["devices"][0]["groups"][0].update(publish="on_change"))
+        self.do(until=begins % "same for")
+        self.sim.fault("press1", "dead")
+        self.do(until=begins % "read")
+
     def test_values_move_can_be_searched_and_plotted(self):
         self.begin()
         self.browse()
@@ -450,7 +461,6 @@ class InChromium(Browser, PagePlant):
         self.open("values")
         self.see("12345678.91")
         self.see("0 (stop)")
-        self.see("reported ")
         for tag, shown in (("press1 total", "true"), ("press1 meter", "false")):
             self.do(click=f"[aria-label='plot {tag}']")
             self.do(until=f"document.querySelector('.legend')?.innerText.includes('{tag}')")

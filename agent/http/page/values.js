@@ -16,13 +16,20 @@ function allTags() {
   const tags = [];
   data.config.devices.forEach((device, d) => device?.groups.forEach((group, g) => group.tags.forEach((tag, t) => {
     const [name, address, type, unit, , description, scaled, labels] = tag;
-    tags.push({key: `${d}.${g}.${t}`, group: `${d}.${g}`, t, device: device.name, name, address, type, unit, description, scaled, labels,
+    tags.push({key: `${d}.${g}.${t}`, group: `${d}.${g}`, d, t, onChange: group.on_change, device: device.name, name, address, type, unit, description, scaled, labels,
       text: `${device.name} ${name} ${address} ${description} ${group.name}`.toLowerCase()});
   })));
   return tags;
 }
 
 const readingOf = (tag) => data.values.get(tag.group)?.[tag.t] ?? null;
+
+// A group with `publish: on_change` is read more often than it is reported.
+function age(tag, ts, bad) {
+  const ago = since(ts, data.ts);
+  if (!tag.onChange || bad) return `read ${ago} ago`;
+  return ['online', 'degraded'].includes(data.devices.get(tag.d)?.state) ? `same for ${ago}` : `reported ${ago} ago`;
+}
 
 function path(points, from, to, low, high, width, height) {
   const span = high - low || 1;
@@ -118,7 +125,7 @@ export function values(main, given) {
     const [now, ts, bad, badSince] = reading ?? [];
     const is = chosen.some((one) => one.key === tag.key);
     const points = data.history.get(tag.key);
-    const key = JSON.stringify([at, reading, is, chosen.length, points?.length, ts && since(ts, data.ts)]);
+    const key = JSON.stringify([at, reading, is, chosen.length, points?.length, ts && age(tag, ts, bad)]);
     let node = made.get(tag);
     if (!node) { made.set(tag, node = el('div', {class: 'row'})); }
     if (!node.isConnected) rows.append(node);
@@ -133,7 +140,7 @@ export function values(main, given) {
     const rest = [
       el('span', {title: tag.description || tag.name}, el('span', {class: 'soft'}, `${tag.device} `), tag.name),
       el('span', {class: 'value'}, bad ? `${bad} since ${clock(badSince)}` : `${value(now, tag.labels)} ${tag.unit}`),
-      el('span', {class: 'age'}, ts ? `reported ${since(ts, data.ts)} ago` : 'not reported yet'),
+      el('span', {class: 'age'}, ts ? age(tag, ts, bad) : 'not reported yet'),
       el('span', {class: 'address soft small'}, `${tag.address} ${tag.type}`), spark(tag)];
     if (node.firstChild !== node.box) node.replaceChildren(node.box, ...rest);
     else { while (node.lastChild !== node.box) node.lastChild.remove(); node.append(...rest); }
