@@ -72,7 +72,7 @@ void DropWarning::warn(Loss& loss, SteadyTime now) const {
 }
 
 std::string DropWarning::broker(SteadyTime now) const {
-  const std::string text = session_.server();
+  const std::string text = session_.log_name();
   if (session_.is_connected()) return text + " is connected";
   const SteadyTime since = session_.since();
   if (since == SteadyTime{}) return text + " has not been connected since the start";

@@ -59,8 +59,8 @@ void OwnTopics::report_config(std::string text, std::string audit) {
 }
 
 void OwnTopics::connection_began(SteadyTime now) {
-  const ConnectSchedule& connects = parts_.session.connects();
-  identity_.connection_began(connects.server(), now, connects.steady_after());
+  const Session& session = parts_.session;
+  identity_.connection_began(session.server(), now, session.stable_after());
   if (configs_.connection) configs_.connection(true, now);
 }
 

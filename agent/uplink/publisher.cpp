@@ -236,13 +236,13 @@ void Publisher::keep_session(SteadyTime now) {
   const bool runs_ahead = intake_.is_holding() && session_.receive_maximum() > 1 &&
                           config_.mqtt.version == 5 && session_.is_connected() &&
                           results_.is_far_behind(intake_.heard());
-  if (runs_ahead) session_.reconnect_one_at_a_time(now);
+  if (runs_ahead) session_.reconnect_with_one_in_flight(now);
   if (farewell_.by() && (now >= *farewell_.by() || !session_.is_connected())) {
     farewell_.withdraw();
     session_.restart(now);
   }
-  subscriptions_.keep(now, results_.bytes() <= settings_.result_bytes / 2);
-  session_.keep(now);
+  subscriptions_.step(now, results_.bytes() <= settings_.result_bytes / 2);
+  session_.step(now);
 }
 
 void Publisher::press_back(SteadyTime now) {

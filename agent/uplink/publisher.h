@@ -1,9 +1,10 @@
-// The uplink loop. Sends what the field produces to the broker, or stores it, and passes incoming
-// commands to Commands. Its parts do the work: Session and Subscriptions keep the connection;
-// RetainedState, ResultDelivery and SampleDelivery publish; OwnTopics and CommandIntake receive;
-// Outgoing holds the window that all publications share; Shutdown has the steps of a clean stop.
-// The Publisher sets their order: results, then states, then live samples, and the backlog in
-// between.
+// The Publisher is the uplink: it publishes what the field produces, stores it while the broker is
+// away, and passes commands from the broker to Commands and their results back. If the broker does
+// not accept everything at once, results go first, then states, live samples and the backlog.
+//
+// Create it with its parts, add() the profiles, and let run_uplink() step it on the uplink thread
+// until a clean stop. Other threads reach it only through Outbox::ask(), and read its status from
+// board(). Uplink thread only. Time is an argument.
 #pragma once
 
 #include <cstdint>
@@ -45,89 +46,94 @@ namespace fxagent {
 struct PublisherSettings {
   std::string boot;  ///< 8 hex digits, different at every start
   std::string version;
-  std::size_t backlog_bytes = std::size_t{64} << 20;
-  /// Limit for results that the broker has not acknowledged. Above it the agent unsubscribes from
-  /// commands, until half of these bytes are delivered.
+  std::size_t backlog_bytes = std::size_t{64} << 20;  ///< in memory, without a store or disk
+  /// Results that the broker has not acknowledged. Above this the agent unsubscribes from commands,
+  /// until half of it is delivered.
   std::size_t result_bytes = std::size_t{16} << 20;
-  std::uint64_t first_seq = 0;    ///< devices that begin later have no sequence number below it
+  std::uint64_t first_seq = 0;    ///< lowest sequence number of devices that a reload adds
   std::uint32_t jitter_seed = 1;  ///< of the retry delays; differs between agents
-  // Any of these may be empty.
-  /// Returns true for the boot of another process that may have our id; empty: none may.
+  /// Returns true for the boot of another process that may have our id. Empty: none may.
   std::function<bool(const std::string& boot)> is_ours{};
-  /// Called when a store has opened that was not available at the start. Gets the last sequence
-  /// number of each device; the field numbers samples above these afterwards.
+  /// Called when a store opens that was not available at the start, with the last sequence number
+  /// of each device. The field numbers samples above these afterwards. May be empty.
   std::function<void(std::vector<std::uint64_t>)> number_above{};
-  /// Called before health is published: the field then sends its counters through the outbox.
+  /// Makes the field send its counters through the outbox, for health. May be empty.
   std::function<void()> ask_counters{};
 };
 
-/// Uplink thread only. Time is an argument; `utc_ms` returns the current calendar time.
 class Publisher final {
  public:
   using UtcClock = std::function<std::int64_t()>;
 
-  /// All references outlive the publisher. `config` is the config with which `payload` and
-  /// `commands` were created; it belongs to the uplink, and change() replaces it. `store` is also
-  /// the journal of `commands`; null: memory only.
+  /// All references outlive the publisher. `payload` and `commands` were created with `config`,
+  /// which only the publisher changes afterwards, in change(). `utc_ms` returns the current
+  /// calendar time. `store` is also the journal of `commands`; null: memory only.
   Publisher(Config& config, PublisherSettings settings, JsonPayload& payload, Outbox& outbox,
             Broker& broker, Commands& commands, UtcClock utc_ms, GuardedStore* store = nullptr);
   Publisher(const Publisher&) = delete;
   Publisher& operator=(const Publisher&) = delete;
 
-  /// Adds a profile with its own session. Call before the first step(). Used until finished().
+  /// Adds a profile with a session of its own. The publisher steps it until finished(). Call before
+  /// the first step().
   void add(Outlet& outlet) {
     outlet.answer_in_stop([this] { return !shutdown_.finished() && !intake_.empty(); });
     outlets_.push_back(&outlet);
   }
 
-  /// Processes all events and does what is due. Returns the time by which it must be called again;
-  /// call it sooner if the outbox or the broker has events.
-  SteadyTime step(SteadyTime now);
-  /// See SampleDelivery::gather_until().
-  SteadyTime gather_until() const { return samples_.gather_until(); }
+  // ---- run, as run_uplink() does
 
-  /// Begins the clean shutdown. Publishes what is waiting for up to 3 s, results first; then sets
-  /// the agent's state to offline and closes the connection. step() does the work until finished().
+  /// Processes all events and does what is due. Returns the time by which it must be called again.
+  /// Call it sooner if the outbox or the broker has events.
+  SteadyTime step(SteadyTime now);
+  /// Returns the time until which the next step() may wait for more samples to send together.
+  SteadyTime gather_until() const { return samples_.gather_until(); }
+  /// Begins a clean stop. Publishes what is waiting for up to 3 s, results first, then the agent's
+  /// state offline, and closes the connection. step() does the work until finished().
   void stop(SteadyTime now);
   bool finished() const;
 
-  // A config change takes two calls of Outbox::ask().
-  /// Rejects commands for everything that ends with the change, from this call on. The field's
-  /// end() comes next.
-  void begin_change(const ConfigChange& change) {
-    is_changing_ = true;
-    commands_.begin_change(change);
-  }
-  /// Puts the config of the change in force. Call after the field's end(), when the outbox has
-  /// delivered its last events. Returns the last sequence number of each device that begins, as far
-  /// as the store knows it, by index in Config::devices. Pass it to the field's begin() before any
-  /// other call here. nullopt: the agent is stopping, and the config stays as it is.
-  std::optional<std::vector<std::uint64_t>> change(const ConfigChange& change, SteadyTime now);
-  /// Sets the config status that health reports.
-  void set_config_status(ConfigStatus status, SteadyTime now);
+  // ---- commands that do not come from the agent's own session
 
   /// Takes a command from the page or a profile. Its result is also published on the result topic.
-  /// If too many commands or results wait, rejects it: the result then goes only to `reply`, or to
-  /// the log if that is empty.
+  /// If too many commands or results wait, the command is rejected, and the result goes only to
+  /// `reply`, or to the log without one.
   void take_relayed(RelayedCommand command, SteadyTime now);
 
   struct Unanswered {
     JournalEntry entry;
     std::string topic;                            ///< of its announcement
-    std::function<void(JournalEntry)> published;  ///< called if its result is
+    std::function<void(JournalEntry)> published;  ///< called if its result is published already
   };
-  /// Takes a command that the other gateway of a pair left. Its result is published unless this
-  /// gateway knows the command. Forgets it if the journal cannot be read now: the other gateway
-  /// asks again.
+  /// Takes a command that the other gateway of a pair left without a result. The next step()
+  /// recovers it and publishes its result, unless this gateway knows the command. If the journal
+  /// cannot be read then, the command is dropped: the other gateway asks again.
   void take_unanswered(Unanswered command) { unanswered_.push_back(std::move(command)); }
 
-  /// Takes the listener and the reports of remote configs. Valid for the publisher's lifetime.
-  OwnTopics& own_topics() { return own_topics_; }
+  // ---- change of the config
+  // Call begin_change(), the field's end(), change() and the field's begin(), in this order; the
+  // two here from Outbox::ask(). Call no other function between change() and the field's begin().
 
+  /// Rejects every later command for what ends with the change.
+  void begin_change(const ConfigChange& change) {
+    is_changing_ = true;
+    commands_.begin_change(change);
+  }
+  /// Puts the config of the change in force. Call when the outbox has delivered the last events of
+  /// the field's end(). Returns the last sequence number of each device that begins, as far as the
+  /// store has it, by index in Config::devices, for the field's begin(). nullopt: the agent is
+  /// stopping, and the config stays as it is.
+  std::optional<std::vector<std::uint64_t>> change(const ConfigChange& change, SteadyTime now);
+  /// Sets the config status that health reports.
+  void set_config_status(ConfigStatus status, SteadyTime now);
+
+  // ---- parts and state. References are valid for the publisher's lifetime.
+
+  /// Returns the part that takes the listener and the reports of remote configs.
+  OwnTopics& own_topics() { return own_topics_; }
+  /// Returns the board on which the agent's status is published.
+  StatusBoard& board() { return status_.board(); }
   /// Returns the samples counted by location, as of the last step().
   SampleCounts samples() const { return status_.samples(); }
-  /// The board on which the agent's status is published; valid for the publisher's lifetime.
-  StatusBoard& board() { return status_.board(); }
 
  private:
   // The phases of step(), in their order. Outgoing, SampleDelivery and StatusSource have the

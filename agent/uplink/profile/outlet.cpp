@@ -85,11 +85,11 @@ SteadyTime Outlet::step(SteadyTime now) {
       if (reason.empty())  // no answer is awaited any more
         profile_.subscribed({filter, false, "the agent stops"});
   } else {
-    session_.keep(now);
+    session_.step(now);
     subscribe(now);
     if (profile_.take_leave() && session_.is_connected()) {
       farewell_.say(now);
-      session_.go_to_next(now);
+      session_.connect_to_next_server(now);
     }
   }
   send(now);
@@ -161,12 +161,13 @@ void Outlet::subscribed(const Subscribed& event) {
   std::string& reason = found->second;
   if (event.granted) {
     if (!reason.empty())
-      log::info("subscription_granted", {{"server", session_.server()}, {"filter", event.filter}});
+      log::info("subscription_granted",
+                {{"server", session_.log_name()}, {"filter", event.filter}});
     ungranted_.erase(found);
   } else if (reason.empty()) {
     reason = event.text;
     log::error("subscription_refused",
-               {{"server", session_.server()},
+               {{"server", session_.log_name()},
                 {"filter", event.filter},
                 {"reason", reason},
                 {"note", "the agent subscribes again; see the broker's log"}});
@@ -289,7 +290,7 @@ SteadyTime Outlet::next_wake(SteadyTime now) const {
 ProfileStatus Outlet::status() const {
   ProfileStatus status;
   status.name = settings_.name;
-  status.server = session_.connects().server();
+  status.server = session_.server();
   status.connected = session_.is_connected();
   status.ready = status.connected && profile_.is_ready();
   status.why = session_.why_not_connected();

@@ -26,13 +26,13 @@ Session::Session(Broker& broker, Outgoing& outgoing, const MqttConfig& mqtt,
       profile_(std::move(profile)),
       will_(will) {}
 
-std::string Session::server() const {
-  return connects_.server() + (profile_.empty() ? "" : " for " + profile_);
+std::string Session::log_name() const {
+  return server() + (profile_.empty() ? "" : " for " + profile_);
 }
 
 void Session::on(const Connected& event, SteadyTime now) {
-  if (link_ != Link::connecting) return;
-  link_ = Link::connected;
+  if (state_ != State::connecting) return;
+  state_ = State::connected;
   starting_ = false;
   connected_at_ = now;
   connects_.connection_began(now);
@@ -40,18 +40,18 @@ void Session::on(const Connected& event, SteadyTime now) {
   why_not_connected_.clear();
   outgoing_.begin(event);
   log::info("broker_connected",
-            {{"server", server()}, {"window", std::to_string(outgoing_.window())}});
+            {{"server", log_name()}, {"window", std::to_string(outgoing_.window())}});
   listener_.connection_began(event, now);
 }
 
 void Session::on(const ConnectFailed& event, SteadyTime now) {
-  if (link_ != Link::connecting) return;
+  if (state_ != State::connecting) return;
   if (event.text != last_failure_) {  // log a repeated failure once
-    log::warn("broker_unreachable", {{"server", server()}, {"reason", event.text}});
+    log::warn("broker_unreachable", {{"server", log_name()}, {"reason", event.text}});
     last_failure_ = event.text;
   }
   why_not_connected_ = event.text;
-  link_ = Link::waiting;
+  state_ = State::waiting;
   starting_ = false;
   receive_maximum_ = kReceiveMaximum;
   listener_.attempt_failed();
@@ -59,9 +59,9 @@ void Session::on(const ConnectFailed& event, SteadyTime now) {
 }
 
 void Session::on(const Lost& event, SteadyTime now) {
-  if (link_ == Link::connecting) return on(ConnectFailed{event.text}, now);
-  if (link_ != Link::connected) return;
-  log::warn("broker_lost", {{"server", server()}, {"reason", event.text}});
+  if (state_ == State::connecting) return on(ConnectFailed{event.text}, now);
+  if (state_ != State::connected) return;
+  log::warn("broker_lost", {{"server", log_name()}, {"reason", event.text}});
   why_not_connected_ = event.text;
   if (event.reason_code == kSessionTakenOver) listener_.session_taken_over();
   receive_maximum_ = kReceiveMaximum;
@@ -70,26 +70,26 @@ void Session::on(const Lost& event, SteadyTime now) {
 }
 
 void Session::on(const Disconnected&, SteadyTime now) {
-  if (link_ == Link::leaving) act_at_ = std::max(now, not_before_);
+  if (state_ == State::leaving) act_at_ = std::max(now, not_before_);
 }
 
-void Session::keep(SteadyTime now) {
-  if (link_ == Link::connecting && now >= act_at_) {
+void Session::step(SteadyTime now) {
+  if (state_ == State::connecting && now >= act_at_) {
     broker_.disconnect(will_);
     on(ConnectFailed{"no answer"}, now);
   }
   watch(now);
-  if ((link_ == Link::waiting || link_ == Link::leaving) && now >= act_at_) connect(now);
+  if ((state_ == State::waiting || state_ == State::leaving) && now >= act_at_) connect(now);
 }
 
 void Session::connect(SteadyTime now) {
-  link_ = Link::connecting;
+  state_ = State::connecting;
   act_at_ = now + connects_.patience();
   broker_.connect(connects_.index(), receive_maximum_);
 }
 
 void Session::end(SteadyTime now) {
-  link_ = Link::waiting;
+  state_ = State::waiting;
   connects_.connection_ended(now);
   lost_at_ = now;
   down_since_.reset();
@@ -97,21 +97,21 @@ void Session::end(SteadyTime now) {
   listener_.connection_ended(now);
 }
 
-void Session::reconnect_one_at_a_time(SteadyTime now) {
+void Session::reconnect_with_one_in_flight(SteadyTime now) {
   log::warn(
       "broker_sends_too_far_ahead",
-      {{"server", connects_.server()},
+      {{"server", server()},
        {"note", "PUBACKs arrive late, after messages; connecting again with Receive Maximum 1"}});
   receive_maximum_ = 1;
   broker_.disconnect(will_);
   broker_.hold_messages(true);  // unread messages end with the session
   end(now);
-  link_ = Link::leaving;
+  state_ = State::leaving;
   act_at_ = now + kGoodbye;
 }
 
 void Session::restart(SteadyTime now) {
-  const bool was_connected = link_ == Link::connected;
+  const bool was_connected = state_ == State::connected;
   connects_.restart();
   last_failure_.clear();
   receive_maximum_ = kReceiveMaximum;
@@ -119,26 +119,26 @@ void Session::restart(SteadyTime now) {
     broker_.disconnect(will_);
     end(now);
   }
-  if (link_ == Link::connecting) listener_.attempt_failed();
+  if (state_ == State::connecting) listener_.attempt_failed();
   // An attempt without an answer is not left: connect() abandons it.
-  link_ = was_connected ? Link::leaving : Link::waiting;
+  state_ = was_connected ? State::leaving : State::waiting;
   act_at_ = was_connected ? now + kGoodbye : now;
 }
 
-void Session::go_to_next(SteadyTime now) {
+void Session::connect_to_next_server(SteadyTime now) {
   const SteadyTime next = connects_.after_failure(now);
   broker_.disconnect(will_);
   end(now);
-  link_ = Link::leaving;
+  state_ = State::leaving;
   act_at_ = not_before_ = std::max(next, now + kGoodbye);
 }
 
 void Session::reconnect_if_leaving(SteadyTime now) {
-  if (link_ == Link::leaving) connect(now);
+  if (state_ == State::leaving) connect(now);
 }
 
 void Session::close(SteadyTime now) {
-  if (link_ != Link::connected) broker_.disconnect(will_);
+  if (state_ != State::connected) broker_.disconnect(will_);
   end(now);
 }
 
@@ -146,12 +146,12 @@ void Session::close(SteadyTime now) {
 /// the broker does not acknowledge it, the connection is lost.
 void Session::watch(SteadyTime now) {
   const auto unanswered_since = outgoing_.unanswered_since();
-  if (link_ == Link::connected && unanswered_since &&
+  if (state_ == State::connected && unanswered_since &&
       now - *unanswered_since >= kNoAcknowledgement) {
     broker_.disconnect(Will::published);
     on(Lost{"no acknowledgement for 30 s"}, now);
   }
-  if (link_ != Link::connected) return down_since_.reset();
+  if (state_ != State::connected) return down_since_.reset();
   // is_connected() takes a lock for which the library's threads wait, so it is called rarely.
   if (!down_since_ && now < check_at_) return;
   check_at_ = now + kBetweenChecks;
@@ -161,7 +161,7 @@ void Session::watch(SteadyTime now) {
 }
 
 SteadyTime Session::next_wake() const {
-  if (link_ != Link::connected) return act_at_;
+  if (state_ != State::connected) return act_at_;
   SteadyTime wake = SteadyTime::max();
   if (const auto since = outgoing_.unanswered_since()) wake = *since + kNoAcknowledgement;
   return down_since_ ? std::min(wake, *down_since_ + kLibraryForgot) : wake;

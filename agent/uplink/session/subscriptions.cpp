@@ -100,7 +100,7 @@ void Subscriptions::subscribe_to_commands(SteadyTime now) {
   broker_.subscribe({commands_filter_, /*no_local=*/true});
 }
 
-void Subscriptions::keep(SteadyTime now, bool may_hear) {
+void Subscriptions::step(SteadyTime now, bool may_hear) {
   if (!is_connected_) return;
   if (leftovers_until_ && now >= *leftovers_until_) {
     leftovers_until_.reset();

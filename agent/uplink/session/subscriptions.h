@@ -26,8 +26,8 @@ class Subscriptions final {
   void on(const Subscribed& event, SteadyTime now);
   /// Does what is due. `may_hear`: after pause_commands(), enough results have been delivered to
   /// subscribe to commands again.
-  void keep(SteadyTime now, bool may_hear);
-  /// Returns the time by which keep() must run again.
+  void step(SteadyTime now, bool may_hear);
+  /// Returns the time by which step() must run again.
   SteadyTime next_wake() const;
 
   /// Unsubscribes from commands. Call when more commands arrive than can be answered and they

@@ -214,7 +214,7 @@ BrokerStatus StatusSource::broker(SteadyTime now) const {
   const Session& session = parts_.session;
   const SteadyTime since = std::max(session.since(), started_);
   BrokerStatus status;
-  status.server = session.connects().server();
+  status.server = session.server();
   status.connected = session.is_connected();
   const Subscriptions& subscriptions = parts_.subscriptions;
   status.not_heard_why = subscriptions.not_heard_why().value_or("");
