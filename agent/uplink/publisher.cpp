@@ -35,7 +35,7 @@ Publisher::Publisher(Config& config, PublisherSettings settings, JsonPayload& pa
       states_(std::as_const(config).devices.size()),
       retained_(config, states_, payload, outgoing_, backoff_, "state",
                 {[this] {
-                   return payload_.agent_online(*started_ms_, why_no_commands(),
+                   return payload_.agent_online(*started_ms_, subscriptions_.not_heard_why(),
                                                 own_topics_.conflict());
                  },
                  [this](SteadyTime now) {
@@ -225,11 +225,6 @@ void Publisher::connection_ended(SteadyTime now) {
   samples_.connection_ended();
   retained_.connection_ended();  // all of it is published again after the next connect
   results_.connection_ended();
-}
-
-std::optional<std::string> Publisher::why_no_commands() const {
-  if (shutdown_.has_begun()) return "the agent is stopping";
-  return subscriptions_.not_heard_why();
 }
 
 void Publisher::keep_session(SteadyTime now) {

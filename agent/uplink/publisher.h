@@ -158,8 +158,6 @@ class Publisher final {
 
   void connection_began(SteadyTime now);
   void connection_ended(SteadyTime now);
-  /// Returns the reason why commands are not received; nullopt: they are.
-  std::optional<std::string> why_no_commands() const;
 
   Config& config_;
   const PublisherSettings settings_;

@@ -23,7 +23,7 @@ namespace fxagent {
 
 class Session final {
  public:
-  /// Called from on() and the functions that disconnect. None is empty.
+  /// Called from on(), step() and the functions that disconnect. None is empty.
   struct Listener {
     /// The session is connected. Publications go to this broker now.
     std::function<void(const Connected& event, SteadyTime now)> connection_began;

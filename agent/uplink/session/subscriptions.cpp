@@ -49,7 +49,7 @@ void Subscriptions::connection_ended() {
   suback_by_.reset();
   ask_again_at_.reset();
   unheard_ = 0;
-  not_heard_why_.reset();
+  if (!ended_) not_heard_why_.reset();
   paused_ = false;
 }
 
@@ -61,6 +61,8 @@ SteadyTime Subscriptions::next_wake() const {
 }
 
 void Subscriptions::end_commands() {
+  ended_ = true;
+  not_heard_why_ = "the agent is stopping";
   if (is_connected_) broker_.unsubscribe(commands_filter_);
 }
 
@@ -83,7 +85,7 @@ void Subscriptions::on(const Subscribed& event, SteadyTime now) {
       log::error("subscription_refused", {{"filter", event.filter}, {"reason", event.text}});
     return;
   }
-  if (paused_) return;  // answers a SUBSCRIBE that has been withdrawn since
+  if (paused_ || ended_) return;  // answers a SUBSCRIBE that has been withdrawn since
   if (!event.granted) return unheard(event.text, now);
   suback_by_.reset();
   ask_again_at_.reset();

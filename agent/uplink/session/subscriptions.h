@@ -35,7 +35,7 @@ class Subscriptions final {
   /// commands are received again.
   void pause_commands(SteadyTime now);
   bool is_paused() const { return paused_; }
-  /// Unsubscribes from commands for the shutdown.
+  /// Unsubscribes from commands for the shutdown, which not_heard_why() gives as the reason.
   void end_commands();
   /// Subscribes to {base}/config/desired, or unsubscribes.
   void hear_configs(bool heard);
@@ -72,6 +72,7 @@ class Subscriptions final {
   std::optional<SteadyTime> ask_again_at_;
   int unheard_ = 0;  ///< consecutive refusals and timeouts in this connection
   std::optional<std::string> not_heard_why_;
+  bool ended_ = false;   ///< unsubscribed because the agent stops
   bool paused_ = false;  ///< unsubscribed because too many results are pending
 };
 

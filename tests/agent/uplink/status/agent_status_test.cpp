@@ -317,6 +317,17 @@ TEST_F(AgentStatusTest, SaysHowItStandsWithTheBroker) {
   EXPECT_EQ(heard.not_heard_why, "");
 }
 
+TEST_F(AgentStatusOnlineTest, CommandsAreNotReceivedInAStop) {
+  bench.broker.acknowledges = false;
+  bench.outbox.push(test::sample(1));
+  bench.step();
+  bench.made().stop(bench.now);
+  const BrokerStatus broker = bench.asked()->broker;
+  EXPECT_TRUE(broker.connected);
+  EXPECT_FALSE(broker.subscribed);
+  EXPECT_EQ(broker.not_heard_why, "the agent is stopping");
+}
+
 TEST_F(AgentStatusOnlineTest, NamesWhatTheBrokerRefusesUntilItAccepts) {
   const auto refused_with = [&](const char* topic) {
     bench.broker.refuses_topic = topic;
