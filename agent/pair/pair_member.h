@@ -50,7 +50,8 @@ class PairMember final {
     std::function<void(JournalEntry left, const std::string& topic)> take_unanswered;
   };
 
-  /// `config` has a pair. `boot`: of this process. Starts the thread. Throws std::system_error.
+  /// `config` has a pair. `boot`: of this process. Starts the thread. Throws std::system_error, and
+  /// what Store() throws.
   PairMember(const Config& config, std::string boot);
   ~PairMember();
   PairMember(const PairMember&) = delete;

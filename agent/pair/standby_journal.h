@@ -24,7 +24,7 @@ namespace fxagent {
 /// has received the result. The active gateway publishes one if it does not know the command.
 class StandbyJournal final {
  public:
-  /// Opens this gateway's store, and keeps what save_heard() has saved.
+  /// Opens this gateway's store, and keeps what save_heard() has saved. Throws what Store() throws.
   explicit StandbyJournal(const StoreConfig& config);
   /// Saves what the other gateway has sent while this one still took itself for the active one: the
   /// process ends, and the broker does not send it again. `where`: the topic of an announcement, or

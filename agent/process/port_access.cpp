@@ -200,16 +200,19 @@ bool is_no_port(const std::string& path) {
          (!S_ISCHR(file.st_mode) || major(file.st_rdev) == kMemoryDevices);
 }
 
-std::optional<PortHolder> port_holder(const std::string& path) {
+std::optional<FileHolder> file_holder(const std::string& path) {
   struct stat file {};
   std::array<char, PATH_MAX> real{};
-  if (is_no_port(path) || ::stat(path.c_str(), &file) != 0 ||
-      ::realpath(path.c_str(), real.data()) == nullptr)
+  if (::stat(path.c_str(), &file) != 0 || ::realpath(path.c_str(), real.data()) == nullptr)
     return std::nullopt;
   auto pid = holder_by_lock(file);
   if (!pid || pid == ::getpid()) pid = holder_by_files(real.data());
   if (!pid) return std::nullopt;
-  return PortHolder{*pid, program_of(*pid)};
+  return FileHolder{*pid, program_of(*pid)};
+}
+
+std::optional<FileHolder> port_holder(const std::string& path) {
+  return is_no_port(path) ? std::nullopt : file_holder(path);
 }
 
 bool is_called_with(int pid, const std::string& path) {

@@ -1,4 +1,5 @@
-// Explains why a serial port cannot be opened, and what to do. Any thread.
+// Explains why a serial port cannot be opened, and what to do. Finds the process that holds a port
+// or another file. Any thread.
 #pragma once
 
 #include <optional>
@@ -8,8 +9,8 @@
 
 namespace fxagent {
 
-/// A process that has a port open.
-struct PortHolder {
+/// A process that has a file open.
+struct FileHolder {
   int pid = 0;
   std::string program;  ///< "picocom"
 
@@ -20,10 +21,11 @@ struct PortHolder {
 /// /dev/null. Does not open it.
 bool is_no_port(const std::string& path);
 
-/// Returns another process that has the port open, as far as this user may see it: from
-/// /proc/locks, and otherwise from /proc/*/fd. nullopt if is_no_port(). Takes some ms; does not
-/// open the port.
-std::optional<PortHolder> port_holder(const std::string& path);
+/// Returns another process that has the file locked or open, as far as this user may see it: from
+/// /proc/locks, and otherwise from /proc/*/fd. Takes some ms; does not open the file.
+std::optional<FileHolder> file_holder(const std::string& path);
+/// Same for a port. nullopt if is_no_port().
+std::optional<FileHolder> port_holder(const std::string& path);
 
 /// True if the file is an argument of the process, under any name. False if this user may not see
 /// it.

@@ -58,7 +58,7 @@ std::string RecordingFiles::begin() {
   struct flock range = whole_file();
   if (::fcntl(lock_, F_SETLK, &range) != 0) {
     lock_.close();
-    return in_use(directory_);
+    return in_use(directory_, path);
   }
   return DurableFile(directory_, kAnswer).write("");
 }

@@ -1,6 +1,7 @@
 #include "agent/store/store.h"
 
 #include <algorithm>
+#include <stdexcept>
 
 #include "agent/log/log.h"
 
@@ -16,8 +17,9 @@ constexpr seconds kCleanUpEvery{60};
 
 }  // namespace
 
-Store::Store(const StoreConfig& config, std::int64_t utc_ms)
+Store::Store(const StoreConfig& config, std::int64_t utc_ms, milliseconds patience)
     : config_(config), disk_(config, utc_ms) {
+  await_other_process(patience);
   // Waiting audit records are older than waiting commands, and are written before them.
   disk_.set_parts({&samples_, &audit_, &journal_, &numbers_});
   disk_.open();
@@ -32,6 +34,16 @@ Store::Store(const StoreConfig& config, std::int64_t utc_ms)
                         {"path", config_.path},
                         {"rows", std::to_string(samples_.rows())},
                         {"bytes", std::to_string(samples_.streams().bytes())}});
+}
+
+/// A second agent of the same config would also share links and client id with the first one. Other
+/// faults of the lock are left to StoreDisk::open().
+void Store::await_other_process(milliseconds patience) {
+  const std::string why = disk_.lock(milliseconds(0));
+  if (!disk_.is_in_use()) return;
+  log::info("store", {{"state", "waiting"}, {"reason", why}});
+  if (const std::string still = disk_.lock(patience); disk_.is_in_use())
+    throw std::runtime_error("cannot start: " + still);
 }
 
 /// Opens a file that was missing at the start or in use by another agent. Reads it before this

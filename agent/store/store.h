@@ -36,10 +36,14 @@ class Store final {
  public:
   using Hold = StoredSamples::Hold;
   static constexpr std::chrono::seconds kTryAgain{10};
+  /// An agent that is being stopped ends within 9 s (StopWatchdog::kPatience).
+  static constexpr std::chrono::seconds kOtherEnds{10};
 
   /// Opens or creates the directory `config.path` and the file in it. Sets a damaged file aside as
-  /// fxagent.db.corrupt-<utc_ms>. Does not throw on disk errors: see state().
-  Store(const StoreConfig& config, std::int64_t utc_ms);
+  /// fxagent.db.corrupt-<utc_ms>. Does not throw on disk errors: see state(). Throws
+  /// std::runtime_error if another process uses the directory and goes on for `patience`.
+  Store(const StoreConfig& config, std::int64_t utc_ms,
+        std::chrono::milliseconds patience = kOtherEnds);
   Store(const Store&) = delete;
   Store& operator=(const Store&) = delete;
 
@@ -86,6 +90,7 @@ class Store final {
   std::optional<FoundLate> take_found_late() { return std::exchange(found_late_, std::nullopt); }
 
  private:
+  void await_other_process(std::chrono::milliseconds patience);
   bool is_flush_due(SteadyTime now) const;
   bool try_the_disk(SteadyTime now);
   void open_late();

@@ -8,7 +8,7 @@ import sqlite3
 import unittest
 
 from chaos_plant import Disk
-from plant import BASE, PlantTest, device, ends, wait_for
+from plant import BASE, Agent, PlantTest, device, ends, wait_for
 
 
 class StoreLife(PlantTest):
@@ -214,6 +214,22 @@ class StoreLife(PlantTest):
         aside = [name for name in os.listdir(self.store["path"]) if ".corrupt-" in name]
         self.assertEqual(len(aside), 1, aside)
         self.wait_adds_up(since)
+
+    def test_a_second_agent_waits_for_the_first_and_never_runs_beside_one(self):
+        self.start_stored()
+        self.state("press1", "online")
+        directory = os.path.join(self.directory, "second")
+        os.mkdir(directory)
+        second = Agent(directory, self.agent.config)
+        second.start()
+        self.stack.callback(second.stop)
+        wait_for("the second to wait", lambda: "store state=waiting" in second.logged())
+        self.assertEqual(self.agent.stop(), 0)
+        wait_for("the second to run", lambda: "agent state=starting" in second.logged())
+        _, errors = ends(1, "run", second.path)
+        self.assertIn(f"cannot start: {self.store['path']} is in use by a running agent "
+                      f"(fxagent, pid {second.process.pid}): stop it", errors)
+        self.assertNotIn("agent state=starting", errors)
 
     def test_the_file_is_a_plain_database_when_the_agent_is_away(self):
         self.start_stored()

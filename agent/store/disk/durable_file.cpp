@@ -24,7 +24,7 @@ std::string DurableFile::lock() {
   FileHandle handle(::open(directory_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (handle < 0) return fault_of_system(directory_);
   if (::flock(handle, LOCK_EX | LOCK_NB) != 0)
-    return errno == EWOULDBLOCK ? in_use(directory_) : fault_of_system(directory_);
+    return errno == EWOULDBLOCK ? in_use(directory_, directory_) : fault_of_system(directory_);
   locked_ = std::move(handle);
   return {};
 }

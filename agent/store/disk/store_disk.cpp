@@ -45,19 +45,24 @@ bool is_damage_at_open(int code, const std::string& path) {
 
 }  // namespace
 
+std::string StoreDisk::lock(milliseconds patience) {
+  is_in_use_ = false;
+  std::string why = make_store_directory(config_.path);
+  if (!why.empty() || lock_) return why;
+  // Two agents with one store would publish and journal each other's data.
+  lock_ = std::make_unique<DirectoryLock>(config_.path, patience);
+  is_in_use_ = lock_->is_in_use();
+  why = lock_->fault();
+  if (!why.empty()) lock_.reset();
+  return why;
+}
+
 void StoreDisk::open() {
   const std::string path = store_file_path(config_.path);
   // The second round follows a damaged file that was set aside.
   for (int round = 0; round < 2 && !writable_; ++round) {
-    std::string why = make_store_file(config_.path);
-    is_in_use_ = false;
-    if (why.empty() && !lock_) {
-      // Two agents with one store would publish and journal each other's data.
-      lock_ = std::make_unique<DirectoryLock>(config_.path);
-      why = lock_->fault();
-      is_in_use_ = lock_->is_in_use();
-      if (!why.empty()) lock_.reset();
-    }
+    std::string why = lock();
+    if (why.empty()) why = make_store_file(config_.path);
     if (!why.empty()) return refused(why);
     const auto fault = sqlite::attempt([&] {
       file_ = std::make_unique<StoreFile>(path, config_.sync_always);

@@ -7,6 +7,7 @@
 #pragma once
 
 #include <algorithm>
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
@@ -93,7 +94,11 @@ class StoreDisk final {
   /// Throws SQLite::Exception.
   bool write_pending(std::size_t at_most = std::numeric_limits<std::size_t>::max());
 
-  /// Opens or creates the file and the directory. Sets a damaged file aside as
+  /// Locks the directory, which it creates if necessary. Waits at most `patience` for a process
+  /// that has the lock, by default for one that is just ending. Returns empty if the lock is ours,
+  /// else the reason.
+  std::string lock(std::chrono::milliseconds patience = std::chrono::milliseconds(500));
+  /// Locks the directory, then opens or creates the file. Sets a damaged file aside as
   /// fxagent.db.corrupt-<utc_ms>. On failure is_writable() is false; see last_failure().
   void open();
   /// Tests if an open file that refused writes accepts them again. Call only while is_open().
@@ -109,7 +114,7 @@ class StoreDisk final {
   bool is_writable() const { return writable_; }
   /// Reason why the disk is not writable; empty while it is.
   const std::string& last_failure() const { return last_failure_; }
-  /// True if the last open() failed because another process uses the directory.
+  /// True if the last lock() or open() failed because another process uses the directory.
   bool is_in_use() const { return is_in_use_; }
   /// True if a file has opened in this run and was not abandoned since.
   bool was_open() const { return was_open_; }

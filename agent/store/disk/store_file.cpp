@@ -11,6 +11,7 @@
 #include <system_error>
 #include <thread>
 
+#include "agent/process/port_access.h"
 #include "agent/without_signals.h"
 
 namespace fxagent {
@@ -18,7 +19,7 @@ namespace {
 
 using std::chrono::milliseconds;
 
-constexpr milliseconds kPatience{500};
+constexpr milliseconds kReaderEnds{500};
 constexpr milliseconds kAskAgain{10};
 // Passes of one checkpoint. The second is short; usually no commit has come since the first.
 constexpr int kPasses = 2;
@@ -111,22 +112,26 @@ std::optional<FileIdentity> identity_of(int handle) {
   return FileIdentity{found.st_dev, found.st_ino};
 }
 
-DirectoryLock::DirectoryLock(const std::string& directory) : path_(directory + "/fxagent.lock") {
+DirectoryLock::DirectoryLock(const std::string& directory, milliseconds patience)
+    : path_(directory + "/fxagent.lock") {
   handle_ = open_own(path_, fault_);
   if (!fault_.empty()) return;
-  const auto give_up = std::chrono::steady_clock::now() + kPatience;
+  const auto give_up = std::chrono::steady_clock::now() + patience;
   while (::flock(handle_, LOCK_EX | LOCK_NB) != 0) {
     if (errno != EWOULDBLOCK || std::chrono::steady_clock::now() >= give_up) {
       is_in_use_ = errno == EWOULDBLOCK;
-      fault_ = is_in_use_ ? in_use(directory) : fault_of_system(path_);
+      fault_ = is_in_use_ ? in_use(directory, path_) : fault_of_system(path_);
       return;
     }
     std::this_thread::sleep_for(kAskAgain);
   }
 }
 
-std::string in_use(const std::string& directory) {
-  return directory + " is in use by a running agent: stop it, or give each agent its own directory";
+std::string in_use(const std::string& directory, const std::string& locked) {
+  const auto holder = file_holder(locked);
+  return directory + " is in use by a running agent" +
+         (holder ? " (" + holder->text() + ")" : std::string()) +
+         ": stop it, or give each agent its own directory";
 }
 
 std::string store_file_path(const std::string& directory) {
@@ -204,7 +209,7 @@ void Checkpointer::bring_home() {
 
 StoreFile::StoreFile(const std::string& path, bool always)
     : db(sqlite::open(path)), path_(path), always_(always) {
-  db.setBusyTimeout(static_cast<int>(kPatience.count()));
+  db.setBusyTimeout(static_cast<int>(kReaderEnds.count()));
   db.exec("PRAGMA journal_mode = WAL");
   db.exec(always ? "PRAGMA synchronous = FULL" : "PRAGMA synchronous = NORMAL");
   sqlite::migrate(db, kFirstVersion, kSchema);

@@ -5,6 +5,7 @@
 #include <sys/types.h>
 
 #include <atomic>
+#include <chrono>
 #include <condition_variable>
 #include <cstddef>
 #include <mutex>
@@ -32,8 +33,8 @@ std::optional<FileIdentity> identity_of(int handle);
 /// however that ends. A lock on the database itself would keep readers away too.
 class DirectoryLock final {
  public:
-  /// Waits at most 500 ms for a process that is just ending.
-  explicit DirectoryLock(const std::string& directory);
+  /// Waits at most `patience` for a process that has the lock.
+  DirectoryLock(const std::string& directory, std::chrono::milliseconds patience);
   DirectoryLock(const DirectoryLock&) = delete;
   DirectoryLock& operator=(const DirectoryLock&) = delete;
 
@@ -57,8 +58,9 @@ std::string fault_of_system(const std::string& what);
 /// Returns false, with errno set, if part of `data` was not written.
 bool write_at(int handle, const void* data, std::size_t size, std::size_t at);
 
-/// Returns that a running agent has locked the directory, and what to do.
-std::string in_use(const std::string& directory);
+/// Returns that a running agent, by its process id if it can be found, has locked `locked`, which
+/// is the directory or a file in it, and what to do.
+std::string in_use(const std::string& directory, const std::string& locked);
 
 /// Returns the path of "fxagent.db" in `directory`.
 std::string store_file_path(const std::string& directory);

@@ -71,8 +71,7 @@ TEST_F(StoreFiles, LockThatWasDeletedIsTakenAnew) {
   fs::remove(in_store("fxagent.lock"));
   a_minute_later();
   ASSERT_EQ(store->state(), "disk");
-  const Store second(config, kNow);
-  EXPECT_EQ(second.state(), "memory");
+  EXPECT_THROW(Store(config, kNow, 0ms), std::runtime_error);
 }
 
 TEST_F(StoreFiles, WhatIsFoundInAReplacedDirectoryIsTaken) {

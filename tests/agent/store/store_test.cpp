@@ -9,6 +9,7 @@
 
 #include "tests/agent/store/power_cut.h"
 #include "tests/agent/store/shelf.h"
+#include "tests/support/other_program.h"
 #include "tests/support/says.h"
 
 namespace fxagent {
@@ -151,9 +152,23 @@ TEST(Store, CommandsThatCouldNotBeReadAtTheStartAreFoundLater) {
 
 TEST(Store, SecondAgentDoesNotGetTheSameFile) {
   OpenShelf shelf;
-  const Store second(shelf.config, kNow);
-  EXPECT_EQ(second.state(), "memory");
+  EXPECT_THROW(Store(shelf.config, kNow, 0ms), std::runtime_error);
   EXPECT_EQ(shelf.store->state(), "disk");
+}
+
+TEST(Store, SecondAgentNamesTheProcessThatHasTheStore) {
+  OpenShelf shelf;
+  shelf.store.reset();
+  const test::OtherProgram first(shelf.config.path + "/fxagent.lock",
+                                 test::OtherProgram::Holds::locked);
+  try {
+    const Store second(shelf.config, kNow, 0ms);
+    FAIL() << "its state is " << second.state();
+  } catch (const std::runtime_error& refusal) {
+    const std::string text = refusal.what();
+    test::expect_says(text, "cannot start: " + shelf.config.path + " is in use by ");
+    test::expect_says(text, ", pid " + std::to_string(first.pid()) + "): stop it, or ");
+  }
 }
 
 }  // namespace
