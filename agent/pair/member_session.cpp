@@ -32,7 +32,7 @@ BootTime doubled(BootTime first, int times) {
 
 MemberSession::MemberSession(std::unique_ptr<Broker> broker, std::size_t servers,
                              const std::string& base, PairPeers& peers)
-    : broker_(std::move(broker)), servers_(servers), peers_(peers) {
+    : broker_(std::move(broker)), failures_(servers), peers_(peers) {
   for (const std::string_view topic : kPairTopics)
     filters_.push_back(base + "/" + std::string(topic));
 }
@@ -53,7 +53,7 @@ void MemberSession::take_events(BootTime now, const std::function<void(const Bro
     if (const auto* begun = std::get_if<Connected>(&event)) connected(*begun, now);
     if (const auto* answer = std::get_if<Subscribed>(&event)) subscribed(*answer, now);
     if (const auto* failure = std::get_if<ConnectFailed>(&event)) {
-      log::warn("pair", {{"broker", "unreachable"}, {"reason", failure->text}});
+      log_once(failure->text);
       connect_after(kReconnect, now);
     }
     if (const auto* end = std::get_if<Lost>(&event)) lost(*end, now);
@@ -64,6 +64,7 @@ void MemberSession::take_events(BootTime now, const std::function<void(const Bro
 void MemberSession::connected(const Connected& event, BootTime now) {
   up_ = true;
   up_since_ = now;
+  std::ranges::fill(failures_, "");
   heard_all_ = heard_all_ && event.session_present;
   missed_ = missed_ || !event.session_present;
   unheard_.insert(filters_.begin(), filters_.end());
@@ -93,9 +94,16 @@ void MemberSession::lost(const Lost& event, BootTime now) {
                 now);
 }
 
+/// Logs a failure to connect, unless the last one of this or another server was the same.
+void MemberSession::log_once(const std::string& failure) {
+  if (std::ranges::find(failures_, failure) == failures_.end())
+    log::warn("pair", {{"broker", "unreachable"}, {"reason", failure}});
+  failures_[server_] = failure;
+}
+
 void MemberSession::connect_after(BootTime pause, BootTime now) {
   up_ = false;
-  server_ = (server_ + 1) % servers_;
+  server_ = (server_ + 1) % failures_.size();
   connect_at_ = now + pause;
 }
 

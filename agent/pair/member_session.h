@@ -43,11 +43,12 @@ class MemberSession final {
   void connected(const Connected& event, BootTime now);
   void subscribed(const Subscribed& event, BootTime now);
   void lost(const Lost& event, BootTime now);
+  void log_once(const std::string& failure);
   void connect_after(BootTime pause, BootTime now);
   void subscribe();
 
   const std::unique_ptr<Broker> broker_;
-  const std::size_t servers_;
+  std::vector<std::string> failures_;  ///< of each server, the last since the session was up
   std::vector<std::string> filters_;
   PairPeers& peers_;
   std::size_t server_ = 0;

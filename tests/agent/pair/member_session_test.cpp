@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <chrono>
 
 #include "tests/agent/uplink/fake_broker.h"
@@ -36,6 +37,23 @@ TEST_F(MemberSessionTest, EachFailedAttemptIsFollowedByTheNextServer) {
   EXPECT_EQ(session.server(), 1U);
   EXPECT_TRUE(session.is_up());
   EXPECT_TRUE(peers.joined_at());
+}
+
+TEST_F(MemberSessionTest, EqualFailuresOfItsServersAreLoggedOnceUntilItWasConnected) {
+  broker->reachable = false;
+  const auto lines = [this] {
+    testing::internal::CaptureStderr();
+    steps(now + 3s);
+    const std::string log = testing::internal::GetCapturedStderr();
+    return std::ranges::count(log, '\n');
+  };
+  EXPECT_EQ(lines(), 1);
+  EXPECT_EQ(lines(), 0);
+  broker->reachable = true;
+  steps(now + 1s);
+  broker->reachable = false;
+  broker->lose(0);
+  EXPECT_EQ(lines(), 1);
 }
 
 TEST_F(MemberSessionTest, SessionThatIsTakenOverAgainAndAgainPausesLonger) {
