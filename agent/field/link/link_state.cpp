@@ -317,6 +317,7 @@ void LinkState::unanswered(LinkDevice& device, PolledDevice::AskedBy by) {
 }
 
 void LinkState::update(LinkDevice& device) {
+  if (!was_open_ && !was_down_ && !is_yielded()) return;
   DeviceState::Facts facts;
   facts.yielded = yielded_;
   facts.silent = is_silent(link_, device);

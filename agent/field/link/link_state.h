@@ -77,7 +77,8 @@ class LinkState final {
   /// Records that a gateway answered `reason` in place of the device: the device is silent, the
   /// connection is not. Logs each reason once until the device is online.
   void unreachable(LinkDevice& device, const std::string& reason);
-  /// Publishes the state of the device if it has changed.
+  /// Publishes the state of the device if it has changed. Until the first attempt to open the link
+  /// has ended, the device is `starting`.
   void update(LinkDevice& device);
 
   /// Marks the link as stopping: nothing new begins. Commands that are not sent any more get `why`.
@@ -93,9 +94,9 @@ class LinkState final {
   const std::size_t links_;
   ReconnectPolicy reconnect_policy_;
   SteadyTime next_open_{};
-  std::string why_down_ = "not opened yet";
-  std::string why_down_text_ = why_down_;  ///< same, with what to check
-  bool was_open_ = false;                  ///< also while it is reopened after a silence
+  std::string why_down_;
+  std::string why_down_text_;  ///< same, with what to check
+  bool was_open_ = false;      ///< also while it is reopened after a silence
   /// Closed because no device answers. A silent device then counts as silent, whether or not the
   /// bus is open.
   bool is_left_ = false;

@@ -410,6 +410,14 @@ TEST_F(LinkStateTest, UdpLinkIsUpWithItsFirstAnswer) {
   }
 }
 
+TEST_F(LinkStateTest, DeviceOfALinkThatWasNotOpenedYetIsNotOffline) {
+  use(TcpSettings{"192.0.2.10", 502});
+  EXPECT_EQ(logged([&] { link->update(*devices[0]); }), "");
+  EXPECT_TRUE(told().empty());
+  link->yielded("until 12:00");
+  EXPECT_EQ(told().at(0).state, State::yielded);
+}
+
 TEST_F(LinkStateTest, UdpPortWhereNobodyAnswersIsLeft) {
   use(UdpSettings{"192.0.2.10", 5007, 0});
   open();
