@@ -460,6 +460,7 @@ int run_one_shot(const std::string& path, const OneShot& what) {
   std::signal(SIGPIPE, SIG_IGN);
   auto loaded = loaded_for_lines(path);
   if (!loaded) return kWrong;
+  note_running_agent(path);
   Config& config = *loaded;
   if (!narrow(config, what.device))
     return refused("", "no device " + what.device + " in the config" +

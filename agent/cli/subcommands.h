@@ -25,9 +25,11 @@ void print_errors(const std::vector<ConfigError>& errors, const std::string& pat
 
 /// Calls load_config(). Prints the errors on stderr and returns nullopt if the config is wrong.
 std::optional<Config> loaded(const std::string& path, std::string* text = nullptr);
-/// The same for a call that uses the lines itself. Prints a note if another gateway, or an agent on
-/// this machine, may use them.
+/// The same for a call that uses the lines itself. Prints a note if another gateway may use them.
 std::optional<Config> loaded_for_lines(const std::string& path, std::string* text = nullptr);
+/// Returns the process of an agent on this machine that runs this config, after a note how to ask
+/// it. nullopt: there is none, or this user may not see it.
+std::optional<int> note_running_agent(const std::string& path);
 
 // ---- check: validates a config file and checks that this machine can run it
 

@@ -8,7 +8,7 @@ import subprocess
 import threading
 import unittest
 
-from plant import PlantTest, config_file, device, ends, free_port, fxagent, tcp_link, text_of
+from plant import Agent, PlantTest, config_file, config_of, device, ends, free_port, fxagent, tcp_link, text_of, wait_for
 
 
 class Doctor(PlantTest):
@@ -137,6 +137,27 @@ class Doctor(PlantTest):
         self.assertEqual(status, 3, said)
         self.assertIn("another program uses the port: ", said)
         self.assertIn("If this is the wrong port, correct /links/0/serial/path", said)
+
+    def beside_the_agent(self, link, config, status):
+        """Returns what the doctor says beside an agent that runs its config."""
+        agent = Agent(self.directory, config_of(free_port(), [link], [config]))
+        agent.start()
+        self.stack.callback(agent.stop)
+        wait_for("the line", lambda: "link=line1 state=up" in agent.logged())
+        said, note = self.doctor(agent.path, status=status)
+        self.assertIn(f"note: fxagent, pid {agent.process.pid}, runs this config.", note)
+        self.assertIn(f": fxagent check --online {agent.path} prints a command for it\n", note)
+        return said
+
+    def test_port_of_the_agent_of_the_config(self):
+        self.start_sim([self.plc()])
+        said = self.beside_the_agent(self.serial(), device(), status=3)
+        self.assertIn("FAULT: the agent of this config uses the port: stop it", said)
+
+    def test_only_connection_of_the_agent_of_the_config(self):
+        self.start_sim([{"name": "q", "protocol": "mc-4e", "model": "iQ-R", "tcp": 0, "connections": 1}])
+        said = self.beside_the_agent(tcp_link(self.sim.ports["q"]), device("q", protocol="mc-4e", model="iQ-R"), status=1)
+        self.assertIn("FAULT: ", said)
 
     def test_never_replaces_a_file(self):
         self.start_sim([self.plc("press1", model="FX2N")])

@@ -4,7 +4,6 @@
 #include <iostream>
 #include <string_view>
 #include <utility>
-#include <variant>
 
 #include "agent/cli/check/check_target.h"
 #include "agent/cli/exit_status.h"
@@ -110,16 +109,19 @@ std::optional<Config> loaded_for_lines(const std::string& path, std::string* tex
     std::cerr << "note: the other gateway of the pair may use the line now, and this call does not "
                  "ask it. Two masters disturb each other: stop both agents first, or send the "
                  "command over MQTT\n";
-  if (!config || std::ranges::all_of(config->links, [](const LinkConfig& link) {
-        return std::holds_alternative<SerialSettings>(link.channel);
-      }))
-    return config;
-  for (const CalledProcess& agent : processes_called("fxagent", "run"))
-    if (is_called_with(agent.pid, path))
-      std::cerr << "note: fxagent, pid " << agent.pid
-                << ", runs this config. A network device may accept only one connection: stop the "
-                   "agent first, or send a command over MQTT\n";
   return config;
+}
+
+std::optional<int> note_running_agent(const std::string& path) {
+  for (const CalledProcess& agent : processes_called("fxagent", "run")) {
+    if (!is_called_with(agent.pid, path)) continue;
+    std::cerr << "note: fxagent, pid " << agent.pid
+              << ", runs this config. It holds its serial ports, and a network device may accept "
+                 "only one connection. Stop it first, or ask it over MQTT: fxagent check --online "
+              << path << " prints a command for it\n";
+    return agent.pid;
+  }
+  return std::nullopt;
 }
 
 int run_check(const std::string& path, const CheckQuestion& what) {

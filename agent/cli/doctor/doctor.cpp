@@ -289,8 +289,9 @@ milliseconds patience(const DeviceConfig& device, std::size_t guess) {
 
 class Doctor final {
  public:
-  /// Both must outlive the object.
-  Doctor(const Config& config, Diagnosis& diagnosis) : config_(config), diagnosis_(diagnosis) {}
+  /// Both must outlive the object. `agent` is the process that runs the config, if there is one.
+  Doctor(const Config& config, std::optional<int> agent, Diagnosis& diagnosis)
+      : config_(config), agent_(agent), diagnosis_(diagnosis) {}
 
   void run() {
     for (std::uint32_t i = 0; i < config_.links.size(); ++i) examine_link(i);
@@ -303,6 +304,10 @@ class Doctor final {
     std::cout << "link " << link_.name << ", " << channel_text(link_) << '\n';
     const auto* serial = std::get_if<SerialSettings>(&link_.channel);
     if (const auto holder = serial == nullptr ? std::nullopt : port_holder(serial->path)) {
+      if (holder->pid == agent_)
+        return diagnosis_.fault(kHeld,
+                                "the agent of this config uses the port: stop it, or ask it "
+                                "over MQTT, see fxagent check --online");
       diagnosis_.fault(kHeld, "another program uses the port: " + holder->text());
       const auto pointer = diagnosis_.pointer_to_key({"links", link_.name, "", "serial/path", ""});
       return diagnosis_.note("  End it. If this is the wrong port, correct " +
@@ -462,6 +467,7 @@ class Doctor final {
   }
 
   const Config& config_;
+  const std::optional<int> agent_;
   Diagnosis& diagnosis_;
   LinkConfig link_;             ///< the one that is examined
   bool line_is_right_ = false;  ///< a device answers at the speed of link_
@@ -509,7 +515,7 @@ int run_doctor(const std::string& path, const std::string& fix) {
   if (const std::string why = fix.empty() ? "" : why_no_copy(fix); !why.empty())
     return refused(fix, "cannot be written: " + why, kFailed);
   Diagnosis diagnosis(text);
-  Doctor(*config, diagnosis).run();
+  Doctor(*config, note_running_agent(path), diagnosis).run();
   const int status = diagnosis.status();
   if (status == kDone) std::cout << "Nothing to change.\n";
   if (fix.empty() || diagnosis.writable() == 0) return status;
