@@ -65,6 +65,23 @@ class Doctor(PlantTest):
         self.start_sim([self.plc("press1", model="FX2N")])
         self.assert_finds(self.write(device(model="FX3U")), "model FX2N", '/devices/0/model = "FX2N"')
 
+    def test_wrong_model_of_a_plc_that_names_none(self):
+        self.start_sim([{"name": "q", "protocol": "mc-3e", "model": "Q", "tcp": 0}])
+        tags = [{"name": address.lower(), "address": address} for address in ("D100", "M20", "X20")]
+        path = config_file(self.directory, [tcp_link(self.sim.ports["q"])],
+                           [device("q", protocol="mc-3e", model="iQ-R", tags=tags)])
+        said, _ = self.doctor(path, status=4)
+        self.assertRegex(said, "FAULT: it answers only as one of .* Q L: set model to what it is, in place of iQ-R\n")
+        self.assertEqual(said.count("FAULT"), 1, said)
+
+    def test_a_refused_tag_of_another_model_is_not_to_be_corrected_first(self):
+        self.start_sim([{"name": "fx5", "protocol": "mc-3e", "model": "FX5U", "tcp": 0, "holes": ["D100-D105"]}])
+        path = config_file(self.directory, [tcp_link(self.sim.ports["fx5"])],
+                           [device("fx5", protocol="mc-3e", model="Q", tags=[{"name": "gone", "address": "D100"}])])
+        said, _ = self.doctor(path, status=4)
+        self.assertLess(said.index("FAULT: the config says Q"), said.index("FAULT: tag gone"), said)
+        self.assertIn("; correct the model first\n", said)
+
     def test_largest_block(self):
         self.start_sim([self.rtu(max_read=40)])
         tags = [{"name": "all", "address": "hr:0", "type": "uint16", "count": 100}]

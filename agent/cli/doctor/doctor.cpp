@@ -22,6 +22,7 @@
 #include "agent/cli/report/read_report.h"
 #include "agent/config/loader.h"
 #include "agent/config/source.h"
+#include "agent/config/suggestions.h"
 #include "agent/config/wiring.h"
 #include "agent/field/line_probe.h"
 #include "agent/file_handle.h"
@@ -126,14 +127,37 @@ void judge_time(const ExaminedDevice& examined, Diagnosis& diagnosis) {
   diagnosis.change(device, "turnaround_ms", std::to_string(usual.count()));
 }
 
-/// Sets the codec to that of the model which the device reports.
+/// Examines a PLC that names no model. If it refuses even the read of its run state, the model of
+/// the config is wrong. Sets the codec to that of the last model as which it answers.
+void judge_unnamed_model(ExaminedDevice& examined, Diagnosis& diagnosis) {
+  diagnosis.note("model: not reported");
+  const auto answer_to = [&examined](const std::shared_ptr<const Codec>& codec) {
+    const ExaminedDevice other{examined.probe, examined.device, codec};
+    return other.ask(codec->plc()->run_state()).kind;
+  };
+  if (answer_to(examined.codec) != ProbeAnswer::Kind::refused) return;
+  const std::shared_ptr<const Codec> configured = examined.codec;
+  std::vector<std::string_view> models;
+  for (const std::string_view model : examined.device.protocol->models) {
+    const auto codec = configured->plc()->with_model(model);
+    if (answer_to(codec) != ProbeAnswer::Kind::data) continue;
+    models.push_back(model);
+    examined.codec = codec;
+  }
+  if (!models.empty())
+    diagnosis.fault(kDiffers, "it answers only as one of " + joined(models, " ") +
+                                  ": set model to what it is, in place of " +
+                                  configured->plc()->model());
+}
+
+/// Sets the codec to that of the model which the device has.
 void judge_model(ExaminedDevice& examined, Diagnosis& diagnosis) {
   const PlcServices* plc = examined.codec->plc();
   if (plc == nullptr) return;
   std::vector<Bytes> images;
   for (const Request& question : plc->identify()) images.push_back(examined.ask(question).image);
   const auto model = plc->model_from(images);
-  if (!model) return diagnosis.note("model: not reported");
+  if (!model) return judge_unnamed_model(examined, diagnosis);
   diagnosis.note("model " + *model);
   const std::string configured = plc->model();
   if (*model == configured) return;
@@ -177,7 +201,7 @@ std::string bytes_text(std::uint32_t bits) {
   return std::to_string((bits + kByteBits - 1) / kByteBits) + " bytes";
 }
 
-/// Reads a tag of a refused read by itself.
+/// Reads a tag of a refused read by itself. If the config has a wrong model, it may be the cause.
 void judge_tag(ExaminedDevice& examined, const Read& refused, const TagConfig& tag,
                Diagnosis& diagnosis) {
   const auto span = span_of(tag.point);
@@ -185,11 +209,14 @@ void judge_tag(ExaminedDevice& examined, const Read& refused, const TagConfig& t
                          span->end_bit() <= refused.span.end_bit();
   if (!is_inside || examined.read(*span)) return;
   examined.refused.insert(&tag);
+  const std::string configured = model_of(*examined.device.codec);
+  const bool is_other_model = !configured.empty() && configured != model_of(*examined.codec);
   diagnosis.fault(
       kDiffers, "tag " + std::string(std::string_view(tag.name)) + ": the device does not return " +
                     bytes_text(span->bits) + " at " +
                     examined.codec->addresses().name_of({span->space, span->first_bit, 1}) +
-                    "; correct the address, or remove the tag");
+                    (is_other_model ? "; correct the model first"
+                                    : "; correct the address, or remove the tag"));
 }
 
 /// Sizes of the reads of a device, in bits; 0: there was none.
