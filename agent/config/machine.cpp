@@ -15,10 +15,10 @@
 
 #include "agent/config/json/tree.h"
 #include "agent/config/source.h"
-#include "agent/config/token_line.h"
 #include "agent/log/log.h"
 #include "agent/process/port_access.h"
 #include "agent/process/this_process.h"
+#include "agent/text/token_line.h"
 
 namespace fxagent {
 namespace {

@@ -11,9 +11,9 @@
 #include <utility>
 
 #include "agent/config/json/tree.h"
-#include "agent/config/token_line.h"
 #include "agent/file_handle.h"
 #include "agent/log/log.h"
+#include "agent/text/token_line.h"
 #include "protocol/letter_case.h"
 
 namespace fxagent {
