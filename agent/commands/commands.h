@@ -70,6 +70,8 @@ class CommandResults final {
                     std::int64_t utc_ms);
   /// Takes the refusal for a name that is not in the config. Neither journal nor audit has it.
   void add_unrecorded(const std::string& name, CommandResult result);
+  /// Counts a result that was not added: only its sender gets it.
+  void count(CommandStatus status) { ++counts_[status]; }
 
   /// Returns results for the broker, in the order in which they came. The journal has those of
   /// admitted commands by now.

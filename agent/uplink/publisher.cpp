@@ -185,6 +185,10 @@ void Publisher::take_commands(SteadyTime now) {
 }
 
 void Publisher::take_relayed(RelayedCommand command, SteadyTime now) {
+  if (command.received == SteadyTime{}) {
+    command.received = now;
+    command.received_ms = utc_ms_();
+  }
   // The broker may be away for days: results must not fill the memory. Nor must relayed commands,
   // which other brokers send without our flow control.
   if (results_.is_full() || intake_.is_full()) {
@@ -193,18 +197,17 @@ void Publisher::take_relayed(RelayedCommand command, SteadyTime now) {
                         {{"device", command.device},
                          {"by", command.sender},
                          {"note", "too many commands and results wait; nothing was sent"}});
-    CommandResult result = result_of(parse_command(command.payload));
+    Command refused = parse_command(command.payload);
+    refused.received_ms = command.received_ms;
+    CommandResult result = result_of(refused);
     set_outcome(result, CommandStatus::rejected, Reason::queue_full,
                 "too many commands and results wait; nothing was sent");
-    return command.reply(result_text(result));
+    commands_.results().count(result.status);
+    return command.reply(with_total(result_text(result), now - command.received));
   }
   Message message{std::move(static_cast<MessageProperties&>(command)),
                   config_.base_topic() + "/" + command.device + "/command",
                   std::move(command.payload)};
-  if (message.received == SteadyTime{}) {
-    message.received = now;
-    message.received_ms = utc_ms_();
-  }
   intake_.add(std::move(message), std::move(command.device), false);
 }
 

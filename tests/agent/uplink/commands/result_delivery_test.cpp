@@ -68,6 +68,23 @@ TEST_F(ResultDeliveryOnlineTest, CommandForWhatNoDeviceCanBeIsAnsweredAndNotPubl
   EXPECT_EQ(bench.broker.log[0].topic, kBase + "/press9/result");
 }
 
+TEST_F(ResultDeliveryOnlineTest, CommandOfThePageRefusedForLackOfRoomHasItsTimesAndIsCounted) {
+  bench.broker.acknowledges = false;
+  for (int i = 0; i < 200; ++i) bench.outbox.push(test::succeeded(std::to_string(i)));
+  bench.settle();
+  std::string answer;
+  RelayedCommand command;
+  command.device = "press1";
+  command.payload = R"({"id":"a","op":"read","tag":"temp"})";
+  command.reply = [&answer](const std::string& result) { answer = result; };
+  bench.made().take_relayed(std::move(command), bench.now);
+  const auto result = nlohmann::json::parse(answer);
+  EXPECT_EQ(result["reason"], "queue_full");
+  EXPECT_EQ(result["t"]["received"], bench.utc());
+  EXPECT_EQ(result["t"]["total_ms"], 0);
+  EXPECT_EQ(bench.commands->results().counts().at(CommandStatus::rejected), 1U);
+}
+
 TEST_F(ResultDeliveryOnlineTest, EveryWaitingResultGoesToItsResponseTopic) {
   bench.broker.acknowledges = false;
   for (const char* id : {"a", "b", "c"}) {
