@@ -319,8 +319,7 @@ inline constexpr auto kWritten = std::to_array<ConfigKey>({
      "protocol has a monitoring timer, the agent adds that timer."},
     {"devices[]", "retries", integer, {0, 10}, 2,
      "Number of repeats of a read in the same poll, after a bad frame or a temporary refusal. "
-     "The agent does not repeat after silence. After `retries` + 1 unanswered exchanges in a row "
-     "the device counts as silent."},
+     "After `retries` + 1 unanswered exchanges in a row the device is `offline`."},
     {"devices[]", "gap_ms", integer, kMilliseconds, 0, "Silence before a request."},
     {"devices[]", "turnaround_ms", integer, kMilliseconds, 30,
      "Time that the device needs before it answers, for `plan` and the bound of commands. The "
@@ -393,7 +392,7 @@ inline constexpr auto kWritten = std::to_array<ConfigKey>({
     {"devices[].commands", "verify", boolean, {}, true,
      "True if the agent reads a written word back."},
     {"devices[].commands", "queue", integer, {1, 10000}, 64,
-     "Number of commands that may be pending on this device."},
+     "Number of commands that may wait in addition to the one under way."},
 
     {"profiles[]", "kind", choice, kProfiles, Required{},
      "`json`: the topics of interface.md. `plain`: a topic for each tag. `sparkplug`: a Sparkplug "

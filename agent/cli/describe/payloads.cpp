@@ -336,7 +336,7 @@ void add_results(Json& out) {
                 {"total_ms", nullable(duration())},
                 {"bound_ms", nullable(duration()), "Limit of `queue_ms` + `wire_ms`"},
             })},
-      {"attempts", count(), "Frames that the agent sent, repeats included"},
+      {"attempts", count(), "Frames that carry out the command, repeats included"},
   });
   result["oneOf"] = {{{"required", {"tag", "address", "value", "verify"}}},
                      {{"required", {"targets"}}}};
