@@ -26,6 +26,7 @@ Store::Store(const StoreConfig& config, std::int64_t utc_ms, milliseconds patien
   samples_.begin_run();
   if (!disk_.is_open()) audit_.count_from(static_cast<std::uint64_t>(utc_ms));
   if (disk_.is_locked()) journal_.open_unrecorded_file();
+  if (disk_.is_locked() && !disk_.is_open()) journal_.read_earlier_runs();
   journal_.begin_run(audit_.last_command_number() + 1);
   started_.begin_run(audit_.last_command_number() + 1);
   if (disk_.is_open()) started_.go_on();

@@ -43,7 +43,7 @@ class Disk:
         for _ in range(20):  # the agent keeps writing
             usage = os.statvfs(self.path)
             used = (usage.f_blocks - usage.f_bfree) * usage.f_frsize
-            if self._remount(f"size={max(used, 4096)}"):
+            if self.remount(f"size={max(used, 4096)}"):
                 return True
         return False
 
@@ -53,7 +53,7 @@ class Disk:
 
     def heal(self, pid):
         if self.is_mounted:
-            self._remount(self.ROOM)
+            self.remount(self.ROOM)
         if pid is not None:
             self._limit(pid, None)
 
@@ -66,8 +66,9 @@ class Disk:
             return False
         return True
 
-    def _remount(self, size):
-        return subprocess.run(["mount", "-o", "remount," + size, self.path],
+    def remount(self, option):
+        """Returns True if the mounted file system has this option now, as "ro"."""
+        return subprocess.run(["mount", "-o", "remount," + option, self.path],
                               stderr=subprocess.DEVNULL).returncode == 0
 
     def close(self):

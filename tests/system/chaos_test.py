@@ -68,10 +68,10 @@ class Minimums(unittest.TestCase):
             disk = Disk(directory)
             try:
                 disk.is_mounted = True
-                disk._remount = lambda _size: False
+                disk.remount = lambda _size: False
                 self.assertFalse(disk.fill(os.getpid()))
             finally:
-                del disk._remount
+                del disk.remount
                 disk.close()
 
     def test_a_plan_without_an_act_of_a_lane_is_no_plan(self):

@@ -202,6 +202,44 @@ class StoreLife(PlantTest):
         self.assertEqual(len(self.sim.commands("press1")), carried_out)
         ends(0, "audit", self.agent.path, "--verify")
 
+    def test_commands_of_before_are_known_while_the_store_is_read_only(self):
+        disk = Disk(self.directory)
+        self.stack.callback(disk.close)
+        if not disk.is_mounted:
+            self.skipTest("no file system can be mounted here")
+        self.start([device(timeout_ms=3000)], store={"path": os.path.join(disk.path, "store")})
+        self.state("press1", "online")
+        ids = []
+
+        def on_a_read_only_disk(sign):
+            carried_out = len(self.sim.commands("press1"))
+            self.agent.stop(sign, expected=None)
+            self.assertTrue(disk.remount("ro"))
+            self.state("press1", "online", self.start_again())
+            self.assertIn("state=memory", self.agent.logged())
+            for known in ids:
+                again = self.command(id=known, op="force_off", address="M150")
+                self.assert_result(again, "DUPLICATE", "duplicate_id", None if known == 4711 else "ACK")
+            self.assertEqual(len(self.sim.commands("press1")), carried_out)
+
+        ids.append("clean stop")
+        self.succeed(id=ids[-1], op="force_on", address="M150")
+        on_a_read_only_disk(signal.SIGTERM)
+        self.agent.stop()
+        self.assertTrue(disk.remount("rw"))
+        self.state("press1", "online", self.start_again())
+        ids.append("kill")
+        self.succeed(id=ids[-1], op="force_on", address="M150")
+        self.sim.fault("press1", "silent", match="force", count=1)
+        ids.append(4711)
+        self.send({"id": 4711, "op": "force_on", "address": "M151"})
+        wait_for("the command on the wire", lambda: self.sim.struck("silent"))
+        on_a_read_only_disk(signal.SIGKILL)
+        self.assertEqual(self.own_results(4711), [], "this run cannot record a result")
+        self.assertTrue(disk.remount("rw"))
+        self.assert_result(self.result(4711, accept=lambda r: r["status"] != "DUPLICATE"), "UNKNOWN_OUTCOME", "interrupted")
+        self.assertEqual([len(self.own_results(known)) for known in ids], [1, 1, 1])
+
     def test_a_damaged_file_is_set_aside(self):
         self.start_stored()
         self.data()

@@ -8,6 +8,34 @@ SQLite::Database open(const std::string& path) {
   return {path, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE | SQLite::OPEN_NOMUTEX};
 }
 
+SQLite::Database open_read_only(const std::string& path) {
+  std::string uri = "file:";
+  for (const char each : path) {
+    if (each == '%')
+      uri += "%25";
+    else if (each == '?')
+      uri += "%3f";
+    else if (each == '#')
+      uri += "%23";
+    else
+      uri += each;
+  }
+  const auto open = [](const std::string& name) {
+    SQLite::Database database(name,
+                              SQLite::OPEN_READONLY | SQLite::OPEN_URI | SQLite::OPEN_NOMUTEX);
+    database.execAndGet("PRAGMA schema_version");  // the first read opens the WAL
+    return database;
+  };
+  try {
+    return open(uri);
+  } catch (const SQLite::Exception& thrown) {
+    // Another process writes to it.
+    if ((thrown.getErrorCode() & 0xFF) == SQLITE_BUSY) throw;
+  }
+  // SQLite cannot make the index of a WAL here. It reads an immutable file without the WAL.
+  return open(uri + "?immutable=1");
+}
+
 ByteView bytes(const SQLite::Statement& row, int column) {
   const SQLite::Column found = row.getColumn(column);
   const auto* data = static_cast<const std::uint8_t*>(found.getBlob());

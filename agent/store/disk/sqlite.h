@@ -39,6 +39,9 @@ std::optional<Fault> attempt(Work&& work) {
 
 /// Opens the file, or creates it. Throws SQLite::Exception.
 SQLite::Database open(const std::string& path);
+/// Opens an existing file only to read it, also on a disk that refuses every write. If the file has
+/// a WAL without its index there, reads it without the WAL. Throws SQLite::Exception.
+SQLite::Database open_read_only(const std::string& path);
 
 /// SQLite has only signed numbers. Returns the same 64 bits.
 inline std::uint64_t from_sql(std::int64_t number) { return static_cast<std::uint64_t>(number); }

@@ -100,6 +100,13 @@ std::string why_not_ours(int handle, const std::string& path) {
   return {};
 }
 
+FileHandle open_to_read(const std::string& path) {
+  // A pipe must not hold up the start.
+  FileHandle handle(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK));
+  if (handle >= 0 && !why_not_ours(handle, path).empty()) handle.close();
+  return handle;
+}
+
 std::optional<FileIdentity> identity_of(const std::string& path) {
   struct stat found {};
   if (::lstat(path.c_str(), &found) != 0) return std::nullopt;
@@ -115,6 +122,10 @@ std::optional<FileIdentity> identity_of(int handle) {
 DirectoryLock::DirectoryLock(const std::string& directory, milliseconds patience)
     : path_(directory + "/fxagent.lock") {
   handle_ = open_own(path_, fault_);
+  if (handle_ < 0) {
+    handle_ = open_to_read(path_);
+    if (handle_ >= 0) fault_.clear();
+  }
   if (!fault_.empty()) return;
   const auto give_up = std::chrono::steady_clock::now() + patience;
   while (::flock(handle_, LOCK_EX | LOCK_NB) != 0) {

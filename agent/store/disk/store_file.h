@@ -33,7 +33,8 @@ std::optional<FileIdentity> identity_of(int handle);
 /// however that ends. A lock on the database itself would keep readers away too.
 class DirectoryLock final {
  public:
-  /// Waits at most `patience` for a process that has the lock.
+  /// Waits at most `patience` for a process that has the lock. On a read-only file system it locks
+  /// the file of an earlier run.
   DirectoryLock(const std::string& directory, std::chrono::milliseconds patience);
   DirectoryLock(const DirectoryLock&) = delete;
   DirectoryLock& operator=(const DirectoryLock&) = delete;
@@ -75,6 +76,10 @@ std::string make_store_file(const std::string& directory);
 
 /// Returns empty if the open file is plain, of our own user and has one name, else the reason.
 std::string why_not_ours(int handle, const std::string& path);
+
+/// Opens a file only to read it. The handle is not open if there is no file, or why_not_ours() has
+/// a reason.
+FileHandle open_to_read(const std::string& path);
 
 /// Runs WAL checkpoints of a SQLite file on its own thread and connection. A checkpoint
 /// synchronises the disk. That takes milliseconds, on an SD card tenths of a second, for which live

@@ -55,6 +55,7 @@ void StoredJournal::acknowledge(std::string device, std::string id, std::uint64_
 
 std::optional<JournalEntry> StoredJournal::find(const std::string& device, const std::string& id) {
   if (const JournalEntry* kept = waiting_.find(device, id)) return *kept;
+  if (earlier_) return earlier_->find(device, id);
   std::optional<JournalEntry> found;
   if (table_) disk_.read([&] { found = table_->find(device, id); });
   return found;
@@ -68,6 +69,7 @@ void StoredJournal::read(const std::string& device, const StoreDisk::Work& work)
 }
 
 std::vector<KnownId> StoredJournal::known_ids(const std::string& device) {
+  if (earlier_) return earlier_->known_ids(device);
   std::vector<KnownId> ids;
   read(device, [&] { ids = table_->known_ids(device); });
   return ids;

@@ -15,6 +15,7 @@
 #include "agent/store/audit_trail.h"
 #include "agent/store/disk/store_disk.h"
 #include "agent/store/journal/command_table.h"
+#include "agent/store/journal/earlier_commands.h"
 #include "agent/store/journal/started_commands.h"
 #include "agent/store/journal/unrecorded_commands.h"
 #include "agent/store/journal/unrecorded_file.h"
@@ -56,6 +57,11 @@ class StoredJournal final : public CommandJournal, public StorePart {
   /// Returns every entry of which the disk has refused a part, as it stands in memory.
   std::vector<JournalEntry> unwritten();
 
+  /// Call if the database did not open at the start, while the directory is locked. Until load(),
+  /// known_ids() has the ids of earlier runs, also of commands without a result; unacknowledged()
+  /// has none of them.
+  void read_earlier_runs() { earlier_.emplace(config_.path); }
+
   /// Opens or makes UnrecordedFile, unless it is open. Returns the entries of an earlier run in it
   /// that differ from the database; they are unwritten now, and command numbers continue above
   /// theirs. Call only while the directory is locked.
@@ -76,7 +82,10 @@ class StoredJournal final : public CommandJournal, public StorePart {
   /// Makes acknowledged commands in a file that opened late older than this run's.
   void age_earlier_runs();
 
-  void load(SQLite::Database& database) override { table_.emplace(database); }
+  void load(SQLite::Database& database) override {
+    table_.emplace(database);
+    earlier_.reset();
+  }
   void unload(Rows /*rows*/) override { table_.reset(); }
   bool has_pending() const override;
   void begin_commit() override;
@@ -106,6 +115,7 @@ class StoredJournal final : public CommandJournal, public StorePart {
   AuditTrail& audit_;
   StartedCommands& started_;
   std::optional<CommandTable> table_;            ///< of the open file
+  std::optional<EarlierCommands> earlier_;       ///< while no file has opened
   UnrecordedCommands waiting_;                   ///< commands and results not in the file yet
   UnrecordedFile unrecorded_file_;               ///< the same, for a restart
   std::vector<Acknowledgement> to_acknowledge_;  ///< acknowledged by the broker, not written yet

@@ -95,13 +95,23 @@ std::vector<JournalEntry> UnrecordedFile::open() {
   handle_ = FileHandle(
       ::open(path_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, S_IRUSR | S_IWUSR));
   std::string why = handle_ < 0 ? fault_of_system("open") : why_not_ours(handle_, path_);
-  struct stat found {};
-  if (why.empty() && ::fstat(handle_, &found) == 0 && found.st_size == off_t{kSize}) return read();
+  if (why.empty() && has_full_size()) return read();
   if (why.empty() && !make()) why = fault_of_system("make");
   if (why.empty()) return {};
   handle_.close();
   failed(why);
   return {};
+}
+
+std::vector<JournalEntry> UnrecordedFile::entries_in(const std::string& directory) {
+  UnrecordedFile file(directory);
+  file.handle_ = open_to_read(file.path_);
+  return file.has_full_size() ? file.read() : std::vector<JournalEntry>{};
+}
+
+bool UnrecordedFile::has_full_size() const {
+  struct stat found {};
+  return ::fstat(handle_, &found) == 0 && found.st_size == off_t{kSize};
 }
 
 /// Gives the file its full size, all places empty. Returns false, with errno set, on failure; the

@@ -31,6 +31,9 @@ class UnrecordedFile final {
   /// Opens the file or makes it, unless the open one is still there. Returns the entries that an
   /// earlier run left, by place. Call only while no other process uses the directory.
   std::vector<JournalEntry> open();
+  /// Returns the entries that an earlier run left in the file in `directory`, which need not be
+  /// writable. Call only while no other process uses the directory.
+  static std::vector<JournalEntry> entries_in(const std::string& directory);
   /// Writes an entry in place of an earlier one with its device and id. If it is too large, omits
   /// result and payload, then the response topic. Does nothing without a file.
   void keep(const JournalEntry& entry);
@@ -43,6 +46,7 @@ class UnrecordedFile final {
   using Key = std::pair<std::string, std::string>;  ///< device and id
 
   bool make() const;
+  bool has_full_size() const;
   std::vector<JournalEntry> read();
   void failed(const std::string& why);
 
