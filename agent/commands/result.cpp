@@ -61,8 +61,14 @@ Refusal refusal_of_conflict(const std::string& other_boot) {
 
 std::string why_not_sent(Reason reason) {
   if (reason == Reason::yielded) return "the link has yielded its port to another program";
+  if (reason == Reason::conflict) return "another agent has the same id";
   return reason == Reason::reloading ? "the config of the device is being changed"
                                      : "the agent is stopping";
+}
+
+CommandStatus status_of_unsent(Reason reason) {
+  return reason == Reason::yielded || reason == Reason::conflict ? CommandStatus::rejected
+                                                                 : CommandStatus::failed;
 }
 
 CommandResult not_sent(const AdmittedCommand& admitted, Reason why) {
@@ -70,8 +76,7 @@ CommandResult not_sent(const AdmittedCommand& admitted, Reason why) {
   if (admitted.interrupted)
     set_interrupted(result);
   else
-    set_outcome(result, why == Reason::yielded ? CommandStatus::rejected : CommandStatus::failed,
-                why, why_not_sent(why) + "; nothing was sent");
+    set_outcome(result, status_of_unsent(why), why, why_not_sent(why) + "; nothing was sent");
   return result;
 }
 

@@ -32,9 +32,11 @@ Refusal refusal_of_retained();
 /// `other_boot`: boot id of the agent with our id.
 Refusal refusal_of_conflict(const std::string& other_boot);
 
-/// Returns the text for shutting_down, reloading or yielded, the reasons why an admitted command is
-/// not sent any more.
+/// Returns the text for shutting_down, reloading, yielded or conflict, the reasons why an admitted
+/// command is not sent any more.
 std::string why_not_sent(Reason reason);
+/// Returns the status of a command, or target, that is not sent for such a reason.
+CommandStatus status_of_unsent(Reason reason);
 /// Returns the result of such a command. An interrupted one gets UNKNOWN_OUTCOME, since an earlier
 /// run may have sent it.
 CommandResult not_sent(const AdmittedCommand& admitted, Reason why = Reason::shutting_down);

@@ -55,6 +55,13 @@ class Outbox final {
   void refuse_commands() { refuses_commands_.store(true, std::memory_order_relaxed); }
   bool refuses_commands() const { return refuses_commands_.load(std::memory_order_relaxed); }
 
+  /// Sets whether another agent has our id. The field then rejects the commands that wait, and a
+  /// running one writes nothing more. Uplink thread.
+  void set_conflict(bool in_conflict) {
+    in_conflict_.store(in_conflict, std::memory_order_relaxed);
+  }
+  bool is_in_conflict() const { return in_conflict_.load(std::memory_order_relaxed); }
+
   /// Asks the uplink to run `call` on its own thread, after it has processed everything pushed
   /// before. Any thread. Once the uplink has ended, `call` is never run.
   using Call = std::function<void(SteadyTime now)>;
@@ -80,6 +87,7 @@ class Outbox final {
   const std::size_t max_telemetry_;
   std::atomic<bool> backed_up_ = false;
   std::atomic<bool> refuses_commands_ = false;
+  std::atomic<bool> in_conflict_ = false;
   std::atomic<std::uint64_t> highest_seq_ = 0;  ///< changed by the field thread
   std::mutex mutex_;
   std::condition_variable changed_;

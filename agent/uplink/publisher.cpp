@@ -118,6 +118,7 @@ void Publisher::take_broker_events(SteadyTime now) {
   };
   for (const BrokerEvent& event : broker_.take_events()) std::visit(take, event);
   own_topics_.follow_conflict(now);
+  outbox_.set_conflict(own_topics_.conflict().has_value());
 }
 
 void Publisher::take_found_late(SteadyTime now) {

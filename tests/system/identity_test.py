@@ -58,6 +58,28 @@ class Identity(PlantTest):
                 self.tearDown()
                 self.setUp()
 
+    def test_commands_that_wait_when_a_conflict_begins_are_not_carried_out(self):
+        self.start(plcs=[self.plc(turnaround_ms=200)])
+        self.state("press1", "online")
+        boot = self.boot()
+        since = self.watcher.mark()
+        ids = [f"waits-{n}" for n in range(20)]
+        for identity in ids:
+            self.send(dict(FORCE, id=identity))
+        self.result(ids[0])
+        self.watcher.publish(f"{BASE}/state", {"state": "online", "since": 1, "boot": "deadbeef", "version": "0"})
+        outcomes = [(r["status"], r["reason"]) for r in map(self.result, ids)]
+        carried_out = len(self.sim.commands("press1"))
+        self.assertLess(carried_out, len(ids))
+        self.assertEqual(outcomes, [("SUCCEEDED", None)] * carried_out
+                         + [("REJECTED", "conflict")] * (len(ids) - carried_out))
+        self.agent_state(lambda s: s["boot"] == boot and s.get("conflict") == "deadbeef", since)
+        since = self.watcher.mark()
+        self.watcher.publish(f"{BASE}/state", {"state": "offline", "since": None, "boot": "deadbeef"})
+        self.agent_state(lambda s: s["boot"] == boot and "conflict" not in s, since)
+        self.succeed(**FORCE)
+        self.assertEqual(len(self.sim.commands("press1")), carried_out + 1)
+
     def test_a_second_agent_that_stops_cleanly_leaves_the_first_one_online(self):
         self.start_plant()
         first = self.boot()

@@ -87,6 +87,11 @@ asio::awaitable<bool> CommandExchanges::go_on(bool share) {
   co_return !is_stopping();
 }
 
+Exchange CommandExchanges::cut_off() {
+  cut_off_ = true;
+  return Exchange::unsent(Exchange::Outcome::link_down, why_not_sent(sharing_.why_stopping()));
+}
+
 asio::awaitable<bool> CommandExchanges::mark_started() {
   if (is_started_) co_return true;
   if (admitted_.starts != nullptr) {
@@ -139,10 +144,7 @@ asio::awaitable<Exchange> CommandExchanges::ask(Request request, SteadyTime not_
   Exchange exchange;
   // A channel that proves to be closed before a byte was sent is reopened once.
   for (int attempt = 0; attempt < 2; ++attempt) {
-    if (sharing_.is_over()) {
-      cut_off_ = true;
-      co_return Exchange::unsent(Outcome::link_down, why_not_sent(sharing_.why_stopping()));
-    }
+    if (sharing_.is_over()) co_return cut_off();
     if (!bus_.is_open()) {
       const auto opened = co_await bus_.open();
       if (!opened) {
@@ -156,6 +158,8 @@ asio::awaitable<Exchange> CommandExchanges::ask(Request request, SteadyTime not_
     if (!may_be_sent)
       co_return Exchange::unsent(Outcome::link_down,
                                  "the store's disk does not respond; nothing was sent");
+    // The opening and the mark take time.
+    if (effect == Effect::change && is_stopping()) co_return cut_off();
     exchange = co_await bus_.exchange(station_, request, not_after);
     if (exchange.outcome != Outcome::link_down || exchange.sent) break;
   }
@@ -189,9 +193,7 @@ asio::awaitable<CommandExchanges::ReadBack> CommandExchanges::read_point(
     if (e > 0) {
       const bool going_on = co_await go_on(gives_way(target));
       if (!going_on && target.requests.empty()) {  // after a write, the read-back goes on
-        out.last =
-            Exchange::unsent(Exchange::Outcome::link_down, why_not_sent(sharing_.why_stopping()));
-        cut_off_ = true;
+        out.last = cut_off();
         co_return out;
       }
     }

@@ -39,8 +39,8 @@ class BusSharing {
   /// Called when a target has its outcome, while others still wait.
   virtual void concluded(std::size_t target, const TargetResult& outcome) = 0;
 
-  /// Returns why nothing more may be written: shutting_down or reloading; none: writes are allowed.
-  /// What was written may still be read back.
+  /// Returns why nothing more may be written: shutting_down, reloading or conflict; none: writes
+  /// are allowed. What was written may still be read back.
   virtual Reason why_stopping() const = 0;
   bool is_stopping() const { return why_stopping() != Reason::none; }
   /// True if nothing at all may be sent any more.
@@ -82,7 +82,7 @@ class CommandExchanges final {
   bool is_stopping() const { return sharing_.is_stopping(); }
   /// True if the disk did not answer when the command was to be marked. Nothing was written.
   bool is_unmarked() const { return is_unmarked_; }
-  /// True if a stop came before an answer, or before anything was sent.
+  /// True if why_stopping() came before an answer, or before anything was sent.
   bool was_cut_off() const { return cut_off_; }
 
   /// Returns the number of writes sent.
@@ -103,6 +103,8 @@ class CommandExchanges final {
   /// Sends `request`, after the read that it needs, if any. If that read fails, the command fails
   /// with it.
   asio::awaitable<Exchange> send(Request request, Try which);
+  /// Records that why_stopping() ends the command. Returns the exchange that is not sent.
+  Exchange cut_off();
   /// Marks the command as started, once. False: it could not be marked and must not be sent.
   asio::awaitable<bool> mark_started();
   /// True if a gateway refused, because the device behind it does not answer.

@@ -120,9 +120,10 @@ bool surely_without_effect(const Codec& codec, const Request& request, const Exc
   return codec.meaning_of(request, exchange.reply.device_code) != RefusalMeaning::unclear;
 }
 
-/// Sets the outcome of a target that a stopping agent or device left unsent.
+/// Sets the outcome of a target that BusSharing::why_stopping() left unsent.
 void set_unsent(TargetResult& out, Reason why_stopping) {
-  set(out, CommandStatus::failed, why_stopping, why_not_sent(why_stopping) + "; nothing was sent");
+  set(out, status_of_unsent(why_stopping), why_stopping,
+      why_not_sent(why_stopping) + "; nothing was sent");
 }
 
 /// Sets the outcome of the command from those of its targets, of which there is at least one.
@@ -138,8 +139,10 @@ void summarise(CommandResult& result) {
   result.progress.reset();
   const auto done = std::count_if(result.targets.begin(), result.targets.end(), was_carried_out);
   const bool open = result.status == CommandStatus::unknown_outcome;
+  const bool without =
+      result.status == CommandStatus::failed || result.status == CommandStatus::rejected;
   const bool broken_off = done > 0 && static_cast<std::size_t>(done) < result.targets.size();
-  if (result.status == CommandStatus::failed && broken_off) result.status = CommandStatus::partial;
+  if (without && broken_off) result.status = CommandStatus::partial;
   if (open || result.status == CommandStatus::partial)
     result.progress = Progress{static_cast<std::uint32_t>(done),
                                static_cast<std::uint32_t>(result.targets.size())};

@@ -70,6 +70,8 @@ void LinkCommands::add(AdmittedCommand admitted, LinkDevice& device) {
 void LinkCommands::refuse_waiting(Reason why, const LinkDevice* device) {
   std::erase_if(waiting_, [&](const WaitingCommand& waiting) {
     if (device != nullptr && waiting.device != device) return false;
+    // Only its outcome is read.
+    if (why == Reason::conflict && waiting.admitted.interrupted) return false;
     link_.scheduler.share().command_taken();
     link_.outbox.push(not_sent(waiting.admitted, why));
     return true;
@@ -166,7 +168,11 @@ class LinkCommands::Sharing final : public BusSharing {
   }
 
   Reason why_stopping() const override {
-    return command_.device->leaves_by ? Reason::reloading : commands_.state_.why_stopping();
+    if (command_.device->leaves_by) return Reason::reloading;
+    if (commands_.state_.is_stopping()) return commands_.state_.why_stopping();
+    if (command_.admitted.interrupted) return Reason::none;
+    met_conflict_ = met_conflict_ || commands_.link_.outbox.is_in_conflict();
+    return met_conflict_ ? Reason::conflict : Reason::none;
   }
   bool is_over() const override {
     const auto& leaves_by = command_.device->leaves_by;
@@ -214,6 +220,8 @@ class LinkCommands::Sharing final : public BusSharing {
   nanoseconds within_{0};  ///< used by the current target
   nanoseconds given_{0};   ///< given to other commands
   bool at_a_target_ = false;
+  /// Kept, because the conflict may end between two targets.
+  mutable bool met_conflict_ = false;
 };
 
 bool LinkCommands::may_go_between(nanoseconds credit) const {
@@ -234,6 +242,8 @@ bool LinkCommands::may_go_between(nanoseconds credit) const {
 }
 
 asio::awaitable<void> LinkCommands::run_next() {
+  if (link_.outbox.is_in_conflict()) refuse_waiting(Reason::conflict);
+  if (waiting_.empty()) co_return;
   running_.push_back(std::move(waiting_.front()));
   waiting_.pop_front();
   link_.scheduler.share().command_taken();

@@ -37,7 +37,8 @@ class LinkCommands final {
 
   /// Appends a command to the queue and sets its bound.
   void add(AdmittedCommand admitted, LinkDevice& device);
-  /// Carries out the first waiting command, which must exist. Its result goes to the outbox.
+  /// Carries out the first waiting command, which must exist. Its result goes to the outbox. While
+  /// another agent has our id, rejects all waiting commands instead, except interrupted ones.
   asio::awaitable<void> run_next();
   /// True while run_next() is in progress.
   bool is_running() const { return !running_.empty(); }

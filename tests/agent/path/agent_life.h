@@ -38,7 +38,10 @@ class AgentLife final {
 
   void receive(const SentCommand& sent);
   /// An empty text means that no other agent has this id.
-  void set_conflict(const std::string& other_boot) { commands_.set_conflict(other_boot); }
+  void set_conflict(const std::string& other_boot) {
+    commands_.set_conflict(other_boot);
+    outbox_.set_conflict(!other_boot.empty());
+  }
   /// Delivers messages that arrived together: one journal commit.
   void hand_over();
   /// Advances the time.

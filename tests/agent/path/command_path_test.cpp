@@ -114,6 +114,7 @@ class Scene final {
   void send_some(AgentLife& agent) {
     const bool in_conflict = fate_.one_in(25);
     agent.set_conflict(in_conflict ? "0badc0de" : "");
+    if (in_conflict) judge_.conflict_began();
     for (int i = fate_.one_in(4) ? fate_.between(2, 5) : 1; i > 0 && !fate_.has_ended(); --i) {
       SentCommand sent = next();
       sent.life = life_;

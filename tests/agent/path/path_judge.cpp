@@ -195,8 +195,9 @@ std::string judge_unsent(const SentCommand& sent, const Json& result, bool nothi
 }
 
 /// Checks `result`, published at the end of `when`, against `sent` and the device's actual writes.
+/// `conflicts`: when another agent got the same id.
 std::string judge_result(const SentCommand& sent, const Json& result, const LedgerDevice& device,
-                         TimeSpan when) {
+                         TimeSpan when, const std::vector<SteadyTime>& conflicts) {
   const std::vector<Done> all = done_of(sent, device);
   for (const Done& done : all)
     if (done.twice) return "carried out twice";
@@ -204,7 +205,10 @@ std::string judge_result(const SentCommand& sent, const Json& result, const Ledg
     return judge_unsent(sent, result, is_empty(all));
   const std::string status = result["status"];
   const Json reason = result.value("reason", Json());
-  if (reason == "conflict") return "there was no other agent";
+  if (reason == "conflict" && std::ranges::none_of(conflicts, [when](SteadyTime began) {
+        return began >= when.from && began <= when.to;
+      }))
+    return "there was no other agent";
   if (status == "PARTIAL" && reason == "expired") return "what was under way was not finished";
   if (sent.op == "run" || sent.op == "stop")
     return judge_switch(sent, result, all[0], device, when);
@@ -297,7 +301,7 @@ std::string PathJudge::judge(const Key& key, const Known& known, const LedgerDev
   std::string first_why;
   for (std::size_t i = 0; i < known.sent.size(); ++i) {
     std::string why = judge_result(known.sent[i], known.results[0], device,
-                                   {known.sent[i].sent_at, known.published_at});
+                                   {known.sent[i].sent_at, known.published_at}, conflicts_);
     for (std::size_t j = 0; j < known.sent.size() && why.empty(); ++j)
       if (known.sent[j].payload != known.sent[i].payload)
         for (const Done& done : done_of(known.sent[j], device))

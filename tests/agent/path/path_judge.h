@@ -1,6 +1,7 @@
 // Compares published results of commands with the actual writes of the devices.
 #pragma once
 
+#include <chrono>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -20,6 +21,8 @@ class PathJudge final {
   void received(const SentCommand& sent);
   /// Records a published result.
   void published(std::uint32_t device, const std::string& text);
+  /// Records that another agent has the same id now.
+  void conflict_began() { conflicts_.push_back(std::chrono::steady_clock::now()); }
   /// Records that the agent of that life was killed.
   void killed(int life) { killed_.insert(life); }
 
@@ -52,6 +55,7 @@ class PathJudge final {
 
   std::map<Key, Known> known_;
   std::set<int> killed_;
+  std::vector<SteadyTime> conflicts_;  ///< their beginnings
   std::vector<SentCommand> unreadable_;
   int without_id_ = 0;  ///< number of results
 };

@@ -45,6 +45,7 @@ TEST_F(PublisherIdentityTest, OnlineOfAnotherBootIsAConflictAndCommandsAreRefuse
   EXPECT_EQ(refused["status"], "REJECTED");
   EXPECT_EQ(refused["reason"], "conflict");
   EXPECT_TRUE(bench.admitted.empty());
+  EXPECT_TRUE(bench.outbox.is_in_conflict()) << "the field rejects what waits";
 }
 
 TEST_F(PublisherIdentityTest, ConflictEndsWithTheOthersWillAndOurStateIsThereAgain) {
@@ -55,6 +56,7 @@ TEST_F(PublisherIdentityTest, ConflictEndsWithTheOthersWillAndOurStateIsThereAga
   EXPECT_EQ(conflict_of(bench), nullptr);
   EXPECT_EQ(bench.last("/state")["boot"], "9f3c21aa");
   EXPECT_EQ(bench.last("/health")["conflict"], nullptr);
+  EXPECT_FALSE(bench.outbox.is_in_conflict());
   result_of(bench, "a");
   EXPECT_EQ(bench.admitted.size(), 1U);
 }

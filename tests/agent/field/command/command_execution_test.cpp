@@ -258,10 +258,12 @@ class Marks final : public CommandStarts {
   void mark(std::uint64_t number, Done done) override {
     numbers.push_back(number);
     frames_before.push_back(wire_.written().size());
+    if (meanwhile) meanwhile();
     done(disk_answers);
   }
 
   bool disk_answers = true;
+  std::function<void()> meanwhile{};
   std::vector<std::uint64_t> numbers;
   std::vector<std::size_t> frames_before;
 
@@ -325,6 +327,14 @@ TEST_F(CommandExecutionMarks, CommandThatCannotBeMarkedIsNotSent) {
   EXPECT_EQ(ending(result), "FAILED store_unavailable");
   EXPECT_NE(result.detail.find("nothing was sent"), std::string::npos) << result.detail;
   EXPECT_EQ(result.attempts, 0);
+  EXPECT_TRUE(wire->written().empty());
+}
+
+TEST_F(CommandExecutionMarks, NothingIsWrittenAfterAStopDuringTheMark) {
+  wire->skip();  // the enquiry
+  wire->skip();  // and its answer
+  marks.meanwhile = [this] { others.stopping = true; };
+  EXPECT_EQ(ending(run(write_50())), "FAILED shutting_down");
   EXPECT_TRUE(wire->written().empty());
 }
 

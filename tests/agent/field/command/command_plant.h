@@ -33,7 +33,6 @@ inline AdmittedCommand admitted(CommandAdmission& admission, Command command,
 struct CommandBusTest : ScriptedBusTest {
   explicit CommandBusTest(DeviceConfig of = {}) : device(std::move(of)) {}
   CommandResult run(const AdmittedCommand& command) {
-    Others others;
     CommandExecution execution(io.get_executor(), *bus, station, device, limits, command, others);
     CommandResult result = run_on(io, execution.run());
     was_answered = execution.exchanges().was_answered();
@@ -43,6 +42,7 @@ struct CommandBusTest : ScriptedBusTest {
 
   DeviceConfig device;
   std::vector<Holes::Limit> limits;  ///< found by polls
+  Others others;
   bool was_answered = false;
   bool was_unanswered = false;
 };

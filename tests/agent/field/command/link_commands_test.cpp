@@ -454,6 +454,26 @@ TEST_F(LinkCommandsTest, StopEndsAListAndNothingGoesBetween) {
   EXPECT_TRUE(plc.asked().empty());
 }
 
+TEST_F(LinkCommandsTest, ConflictRejectsTheWaitingCommandsUntilItIsOver) {
+  add("list", {0, 1, 2});
+  add("short", {3});
+  outbox.set_conflict(true);
+  run_next();
+  collect();
+  ASSERT_EQ(results.size(), 2U);
+  for (const CommandResult& result : results) {
+    EXPECT_EQ(result.status, CommandStatus::rejected) << result.id;
+    EXPECT_EQ(result.reason, Reason::conflict) << result.id;
+  }
+  EXPECT_EQ(scheduler.share().commands_waiting(), 0U);
+  EXPECT_TRUE(plc.asked().empty());
+  outbox.set_conflict(false);
+  add("after", {0});
+  run_next();
+  collect();
+  EXPECT_EQ(results.back().status, CommandStatus::succeeded);
+}
+
 struct LineOfUnknownSpeed : LinkCommandsTest {
   LineOfUnknownSpeed() : LinkCommandsTest(nanoseconds(0)) {}
 };

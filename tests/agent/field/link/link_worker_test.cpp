@@ -1051,6 +1051,15 @@ TEST_F(LinkWorkerWithSetpoint, InterruptedCommandOfAnEarlierRunIsReadAndNotSent)
   stop();
 }
 
+TEST_F(LinkWorkerWithSetpoint, InterruptedCommandIsReadDuringAConflictToo) {
+  interrupted = {write_setpoint("left")};
+  plc.set(kD200, word(50));
+  outbox.set_conflict(true);
+  start();
+  EXPECT_EQ(wait_for_result("left").status, CommandStatus::succeeded);
+  stop();
+}
+
 TEST_F(LinkWorkerWithSetpoint, InterruptedCommandThatStillWaitsAtTheEndIsUnknownAndNotRejected) {
   interrupted = {write_setpoint("left")};
   start();
@@ -1321,6 +1330,22 @@ TEST_F(LinkWorkerTest, StopEndsAListBetweenTwoTargets) {
   EXPECT_EQ(ending(result.targets[3]), "FAILED shutting_down");
   EXPECT_EQ(plc.word_at(kD200 + 4), 52U);
   EXPECT_EQ(plc.word_at(kD200 + 6), 0U);
+}
+
+TEST_F(LinkWorkerTest, ConflictEndsAListBetweenTwoTargetsAndRejectsTheWaitingCommands) {
+  start_list(
+      [&] {
+        outbox.set_conflict(true);
+        submit(write_tag("waiting", "x9"));
+      },
+      3);
+  wait([&] { return result_of("list") != nullptr && result_of("waiting") != nullptr; });
+  EXPECT_EQ(ending_of("list"), "PARTIAL conflict");
+  EXPECT_EQ(result_of("list")->progress, (Progress{3, 8}));
+  EXPECT_EQ(ending(result_of("list")->targets[3]), "REJECTED conflict");
+  EXPECT_EQ(ending_of("waiting"), "REJECTED conflict");
+  EXPECT_EQ(std::ranges::count(plc.asked(), write_of(3)), 0);
+  EXPECT_EQ(std::ranges::count(plc.asked(), write_of(9)), 0);
 }
 
 TEST_F(LinkWorkerWithSetpoint, CommandOnASilentDeviceDoesNotHoldTheStop) {
