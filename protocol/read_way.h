@@ -18,7 +18,9 @@ namespace fxagent {
 /// Example: Modbus function 03 reads up to 125 of 65,536 registers of 16 bits:
 ///   {.end_bit = 65536 * 16, .align_bits = 16, .unit_bits = 16, .max_bits = 125 * 16}
 struct ReadWay {
-  std::uint8_t way = 0;  ///< number of the command in its codec: Read::way requests it
+  /// Number of this way in its codec, for Read::way. No two ways of a space that reach the same
+  /// bits share one.
+  std::uint8_t way = 0;
   /// A point is read by the lowest tier that reaches it. No read serves points of two tiers.
   std::uint8_t tier = 0;
   std::uint32_t first_bit = 0;
@@ -28,9 +30,9 @@ struct ReadWay {
   std::uint32_t max_bits = 512;
   /// Longest run of unrequested bits between two requested ones that a read may include.
   std::uint32_t max_gap_bits = 0xFFFFFFFF;
-  /// 0: a read is an exchange of its own. Otherwise it is a part of a Gather by the GatherCommand
-  /// of this number, and the limits above are those of a part. Example: a part of a random read is
-  /// a word or a double word, so unit_bits is 16 and max_bits is 32.
+  /// 0: a read is an exchange of its own. Otherwise it is a part of a Gather, if need be its only
+  /// part, by the GatherCommand of this number, and the limits above are those of a part. Example:
+  /// a part of a random read is a word or a double word, so unit_bits is 16 and max_bits is 32.
   std::uint8_t gather = 0;
 };
 
@@ -50,8 +52,8 @@ struct Extent {
 };
 
 /// Returns the shortest read by `way` that covers `wanted`. nullopt if the way does not reach it or
-/// cannot carry that much. Example: if a way reads only whole words of 16 bits, [20, 30) takes the
-/// read [16, 32).
+/// cannot carry that much. Example: if a way reads only whole words of 16 bits, from a multiple of
+/// 16 on, [20, 30) takes the read [16, 32).
 std::optional<Extent> fit(const ReadWay& way, const Extent& wanted);
 /// True if reads by `way`, perhaps several, cover `span`.
 bool reaches(const ReadWay& way, const Span& span);

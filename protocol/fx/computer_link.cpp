@@ -86,10 +86,14 @@ Decoded ComputerLink::decode(const Request& request, std::uint16_t tag, ByteView
   Decoded answer = mc::serial_answer(settings_, 0, data_chars(request), rx);
   if (!answer) return answer;
   if (!*answer) {
-    // Bytes before the echo of the request are older. The last frame may be the answer.
+    // Bytes before the echo of the request are older. An answer may begin with the last character
+    // that begins one.
     const auto echo = std::find(rx.rbegin(), rx.rend(), kEnq);
     const auto size = static_cast<std::size_t>(echo - rx.rbegin());
-    if (size > 3 * kLongestFrame)
+    constexpr std::array kBegins{kStx, kAck, kNak};
+    const auto begin = std::find_first_of(rx.rbegin(), echo, kBegins.begin(), kBegins.end());
+    const auto noise = begin == echo ? size : static_cast<std::size_t>(echo - begin) - 1;
+    if (noise > 2 * kLongestFrame || size > 3 * kLongestFrame)
       return garbled(std::to_string(size) + " bytes without an answer; the longest has " +
                      std::to_string(kLongestFrame));
     return std::nullopt;

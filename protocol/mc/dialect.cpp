@@ -18,8 +18,8 @@ Result<Dialect> dialect_from(Frame frame, const Options& options) {
   if (const auto* name = option<std::string>(options, "model"); name && *name != kAutoModel) {
     const auto of_model = with_model(dialect, *name);
     if (!of_model)
-      return refuse("model '" + *name + "' has no " + (frame == Frame::e1 ? "1E" : "such") +
-                    " frames" + (with_model({Frame::e1}, *name) ? ": use mc-1e" : ""));
+      return refuse("model '" + *name + "' has no frames of this protocol" +
+                    (with_model({Frame::e1}, *name) ? ": use mc-1e" : ""));
     dialect = *of_model;
   }
   Route& route = dialect.route;

@@ -13,7 +13,7 @@ namespace {
 /// Class of an end code. With any class except `relay` nothing was carried out.
 enum class Class : std::uint8_t {
   final,
-  port,     ///< final, as is every other request: a password or a setting of the port
+  port,     ///< final; the cause is a password or a setting of the port, not this request
   command,  ///< final: the PLC lacks the command or its subcommand
   hole,     ///< the PLC lacks this place or count: a smaller request may succeed
   line,     ///< noise; worth a second try

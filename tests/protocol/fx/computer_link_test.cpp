@@ -462,9 +462,14 @@ TEST(ComputerLink, Format4IsCompleteWithCrLfAndNotBefore) {
 }
 
 TEST(ComputerLink, EndlessNoiseIsABadFrame) {
-  EXPECT_TRUE(needs_more(std::string(798, '?')));
-  expect_says(bad_frame(std::string(799, '?')), "799 bytes");
+  EXPECT_TRUE(needs_more(std::string(532, '?')));
+  expect_says(bad_frame(std::string(533, '?')), "533 bytes");
   expect_says(bad_frame("<" + std::string(799, '0'), kForce), "800 bytes");
+}
+
+TEST(ComputerLink, AnswerBehindMuchNoiseIsAwaited) {
+  EXPECT_TRUE(needs_more(std::string(532, '?') + kAckFrame.substr(0, 4), kForce));
+  EXPECT_EQ(good(std::string(532, '?') + kAckFrame, kForce).kind, Reply::Kind::ack);
 }
 
 TEST(ComputerLink, NothingAnswersAnEot) {

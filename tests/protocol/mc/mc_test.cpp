@@ -505,6 +505,7 @@ TEST(McRefusals, OutputsOfAnIqRThatMayBeAnFx5AreNotWrittenByOtherCodes) {
   const Mc mc = codec(Frame::e3, Model::iq_r);
   const auto y = static_cast<std::uint16_t>(Space::y);
   EXPECT_FALSE(mc.instead_of(Force{y, 0x20, true}, 0xC059)) << "Y20 is number 16 of an FX5";
+  EXPECT_FALSE(mc.instead_of(Force{static_cast<std::uint16_t>(Space::x), 0x20, true}, 0xC059));
   EXPECT_FALSE(mc.instead_of(Write{{y, 0, 16}, {0, 1}}, 0xC059));
   EXPECT_FALSE(mc.instead_of(Scatter{{std::get<Write>(kWrite), Write{{y, 1, 1}, {1}}}}, 0xC059));
 }

@@ -453,7 +453,7 @@ TEST(OneE, IsMadeFromItsOptions) {
   EXPECT_EQ(OneE::make({{"monitoring_timer_ms", std::int64_t{1100}}}).error().text,
             "monitoring_timer_ms must be a multiple of 250");
   EXPECT_EQ(OneE::make({{"model", std::string("FX5U")}}).error().text,
-            "model 'FX5U' has no 1E frames");
+            "model 'FX5U' has no frames of this protocol");
   EXPECT_FALSE(OneE::make({{"model", std::string("FX1N")}}));
 }
 
