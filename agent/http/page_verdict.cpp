@@ -140,7 +140,7 @@ class Examination final {
         link.wrong.push_back(d);
       if (state != nullptr && state->state == State::offline && state->reason != "starting")
         ++link.silent;
-      if (d < status_.refused.size() && !status_.refused[d].empty())
+      if (status_.broker.connected && d < status_.refused.size() && !status_.refused[d].empty())
         add(Severity::bad, "device " + device.name,
             "The broker refuses the samples of " + device.name + " with " + status_.refused[d],
             "Allow this client to publish below " + config_.base_topic() + "/" + device.name +

@@ -28,7 +28,9 @@ Reasons faults(const AgentStatus* status, SteadyTime now) {
 }
 
 /// Returns what the broker does not accept from this agent: "states", "samples of 2 devices".
+/// Without a connection there is nothing.
 Reasons refused_by_broker(const AgentStatus& status) {
+  if (!status.broker.connected) return {};
   Reasons refused = status.broker.refused;
   const auto is_refused = [](const std::string& code) { return !code.empty(); };
   const auto devices =

@@ -23,11 +23,17 @@ constexpr std::uint64_t kFarAheadBytes = std::uint64_t{8} << 20;  // ten of the 
 // Results and samples do not share a window smaller than this.
 constexpr std::size_t kLeastShared = 4;
 
+/// True if the config has a device or a link of this name.
+bool has(const Config& config, const std::string& name) {
+  return std::ranges::find(config.devices, name, &DeviceConfig::name) != config.devices.end() ||
+         std::ranges::find(config.links, name, &LinkConfig::name) != config.links.end();
+}
+
 }  // namespace
 
 ResultDelivery::ResultDelivery(const Config& config, CommandResults& results, Outgoing& outgoing,
                                JitteredBackoff& backoff, UtcClock utc_ms)
-    : base_(config.base_topic()),
+    : config_(config),
       source_(results),
       outgoing_(outgoing),
       backoff_(backoff),
@@ -38,11 +44,12 @@ void ResultDelivery::add(ResultMessage result, SteadyTime now) {
   result.reply = nullptr;
   const std::string& device = result.device;
   if (!is_name(device)) return;  // a profile or the page named what no device can be
+  const std::string base = config_.base_topic();
   Pending pending;
-  pending.copies.push_back({.topic = base_ + "/" + device + "/result"});
+  pending.copies.push_back({.topic = base + "/" + device + "/result"});
   // Up to 64 KiB of the sender's data: kept once.
   if (std::string topic = std::move(result.response_topic); !topic.empty()) {
-    const std::string fault = response_topic_fault(topic, base_, device);
+    const std::string fault = response_topic_fault(topic, base, device);
     if (fault.empty())
       pending.copies.push_back({.topic = std::move(topic)});
     else
@@ -109,6 +116,7 @@ void ResultDelivery::connection_ended() {
       if (copy.state == State::in_flight) copy.state = State::waiting;
       copy.not_before = {};
       copy.failures = 0;
+      copy.refused = false;
     }
   }
 }
@@ -133,6 +141,7 @@ void ResultDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
   if (is_final(event.reason_code) || (flight.copy != 0 && event.reason_code != 0))
     return copy_done(flight, State::refused);
   copy.state = State::waiting;
+  copy.refused = event.reason_code != 0;
   copy.not_before = now + backoff_.after(copy.failures++);
 }
 
@@ -149,9 +158,10 @@ void ResultDelivery::copy_done(const Flight& flight, State how) {
 }
 
 bool ResultDelivery::is_refused() const {
-  return std::ranges::any_of(results_, [](const auto& each) {
-    const Copy& copy = each.second.copies.front();
-    return copy.failures > 0 && copy.state < State::acknowledged;
+  return std::ranges::any_of(results_, [this](const auto& each) {
+    const Pending& pending = each.second;
+    const Copy& copy = pending.copies.front();
+    return copy.refused && copy.state < State::acknowledged && has(config_, pending.result.device);
   });
 }
 

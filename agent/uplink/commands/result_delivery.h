@@ -49,7 +49,8 @@ class ResultDelivery final : public Outgoing::Sender {
   bool empty() const { return results_.empty(); }
   std::size_t size() const { return results_.size(); }
   std::size_t bytes() const { return bytes_; }  ///< in memory, approximately
-  /// True while a result is repeated because the broker or the library has refused it.
+  /// True while a result is repeated because the broker has refused it. The result of a command
+  /// for a name that is not in the config does not count.
   bool is_refused() const;
   /// True if as many results are waiting as there is room for. Do not read more commands then.
   bool is_full() const;
@@ -64,6 +65,7 @@ class ResultDelivery final : public Outgoing::Sender {
     State state = State::waiting;
     SteadyTime not_before{};
     int failures = 0;
+    bool refused = false;  ///< the last failure came from the broker, and not from the library
   };
   struct Pending {
     ResultMessage result;      ///< its `total` ends when it is first handed over to MQTT
@@ -80,7 +82,7 @@ class ResultDelivery final : public Outgoing::Sender {
   void hand_over(std::uint64_t key, std::size_t copy, SteadyTime now, std::optional<Heard> heard);
   void copy_done(const Flight& flight, State how);
 
-  const std::string base_;
+  const Config& config_;
   CommandResults& source_;
   Outgoing& outgoing_;
   JitteredBackoff& backoff_;

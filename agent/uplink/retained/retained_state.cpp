@@ -122,7 +122,7 @@ void RetainedState::pump(SteadyTime now) {
     }
     const bool clears = publication.payload.empty();
     const std::uint64_t id = outgoing_.send(*this, std::move(publication));
-    flights_.emplace(id, Flight{std::move(taken.key()), taken.mapped().failures, clears});
+    flights_.emplace(id, Flight{std::move(taken.key()), taken.mapped(), clears});
   }
 }
 
@@ -158,14 +158,21 @@ void RetainedState::failed(const DeliveryFailed& event, SteadyTime now) {
   if (found == flights_.end()) return;  // of a removed device
   log_failed(what_, event);
   if (is_final(event.reason_code)) return delivered(event.id, now);
-  const auto& [key, failures, clears] = found->second;
-  due_.insert_or_assign(key, Due{now + backoff_.after(failures), failures + 1});
+  const auto& [key, due, clears] = found->second;
+  due_.insert_or_assign(
+      key, Due{now + backoff_.after(due.failures), due.failures + 1, event.reason_code != 0});
   flights_.erase(found);
 }
 
 bool RetainedState::is_refused() const {
-  const auto has_failed = [](const auto& each) { return each.second.failures > 0; };
-  return std::ranges::any_of(due_, has_failed) || std::ranges::any_of(flights_, has_failed);
+  const auto counts = [this](const Key& key, const Due& due) {
+    const bool clears =
+        key.item == Item::clear || (key.item == Item::config_report && config_report_ == "");
+    return due.refused && !clears;
+  };
+  return std::ranges::any_of(due_, [&](const auto& e) { return counts(e.first, e.second); }) ||
+         std::ranges::any_of(flights_,
+                             [&](const auto& e) { return counts(e.second.key, e.second.due); });
 }
 
 SteadyTime RetainedState::next_wake(SteadyTime now) const {

@@ -55,10 +55,12 @@ class RetainedState final : public Outgoing::Sender {
   /// config_report_is_due() publishes it in this connection.
   void set_config_report(std::string text) { config_report_ = std::move(text); }
   // These have an effect only while connected: a connection begins with everything.
-  void agent_state_changed() { due_[{Item::agent_state, 0, {}}] = {}; }
+  void agent_state_changed() { due_[{Item::agent_state, 0, {}}].not_before = {}; }
   void health_is_due() { due_[{Item::health, 0, {}}]; }
-  void config_report_is_due() { due_[{Item::config_report, 0, {}}] = {}; }
-  void device_state_changed(std::uint32_t device) { due_[{Item::device_state, device, {}}] = {}; }
+  void config_report_is_due() { due_[{Item::config_report, 0, {}}].not_before = {}; }
+  void device_state_changed(std::uint32_t device) {
+    due_[{Item::device_state, device, {}}].not_before = {};
+  }
   /// Clears a retained topic, in the next connection if there is none or it breaks. Returns false
   /// if that is pending already.
   bool clear(const std::string& topic) { return due_.try_emplace({Item::clear, 0, topic}).second; }
@@ -76,7 +78,8 @@ class RetainedState final : public Outgoing::Sender {
 
   void pump(SteadyTime now);
   bool empty() const { return due_.empty(); }
-  /// True while a message is repeated because the broker or the library has refused it.
+  /// True while a message is repeated because the broker has refused it. A message that only
+  /// clears a topic does not count: the config in force does not need it.
   bool is_refused() const;
   /// Returns the time by which pump() must run, apart from acknowledgements.
   SteadyTime next_wake(SteadyTime now) const;
@@ -94,10 +97,11 @@ class RetainedState final : public Outgoing::Sender {
   struct Due {
     SteadyTime not_before{};
     int failures = 0;
+    bool refused = false;  ///< the last failure came from the broker, and not from the library
   };
   struct Flight {
     Key key;
-    int failures = 0;
+    Due due;
     bool clears = false;  ///< it has no text
   };
 

@@ -223,8 +223,8 @@ BrokerStatus StatusSource::broker(SteadyTime now) const {
   status.since_ms =
       utc_ms_() - std::chrono::duration_cast<std::chrono::milliseconds>(now - since).count();
   status.why = session.why_not_connected();
-  if (parts_.retained.is_refused()) status.refused.emplace_back("states");
-  if (parts_.results.is_refused()) status.refused.emplace_back("results");
+  if (status.connected && parts_.retained.is_refused()) status.refused.emplace_back("states");
+  if (status.connected && parts_.results.is_refused()) status.refused.emplace_back("results");
   return status;
 }
 

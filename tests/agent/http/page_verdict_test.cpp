@@ -70,6 +70,13 @@ TEST(PageVerdict, AnOnlineDeviceWithSomethingToCheckIsNotWell) {
   EXPECT_EQ(verdict.works, "2 of 2 devices answer; the broker is connected");
 }
 
+TEST(PageVerdict, ABrokerThatIsAwayRefusesNothing) {
+  AgentStatus status = well();
+  status.broker.connected = false;
+  status.refused = {"0x87", ""};
+  EXPECT_EQ(verdict_of(status).problems.size(), 1U);
+}
+
 TEST(PageVerdict, AProfileWithoutItsBrokerIsNamedWithItsServer) {
   AgentStatus status = well();
   status.profiles[0].connected = false;

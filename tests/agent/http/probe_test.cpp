@@ -83,6 +83,13 @@ TEST(Readiness, EachKindOfMessageThatTheBrokerRefusesIsNamed) {
   EXPECT_TRUE(health_of(&status, kMade).good);
 }
 
+TEST(Readiness, BrokerThatIsAwayRefusesNothing) {
+  AgentStatus status = ready_status();
+  status.refused = {"0x87", ""};
+  status.broker = {"mqtt://one:1883", false, false};
+  EXPECT_EQ(why(readiness_of(&status, kMade)), "broker: no connection to mqtt://one:1883");
+}
+
 TEST(Readiness, EachThingThatIsMissingIsNamed) {
   AgentStatus status = ready_status();
   status.broker = {"mqtt://one:1883", false, false};

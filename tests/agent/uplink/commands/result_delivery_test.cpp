@@ -154,6 +154,20 @@ TEST_F(RetainedStateOnlineTest, PauseBetweenRefusalsGrows) {
   expect_growing_pauses(bench, [&] { return bench.broker.on(kBase + "/press1/state").size(); });
 }
 
+TEST_F(RetainedStateOnlineTest, PauseGrowsThoughTheStateChanges) {
+  bench.broker.acknowledges = false;
+  const auto sent = [&] { return bench.broker.on(kBase + "/press1/state").size(); };
+  bench.report(test::offline(0, "timeout"));
+  refuse(bench);
+  bench.report(test::offline(0, "link_down"));
+  EXPECT_EQ(sent(), 2U) << "a change goes out at once";
+  refuse(bench);
+  bench.advance(1999ms);
+  EXPECT_EQ(sent(), 2U);
+  bench.advance(501ms);
+  EXPECT_EQ(sent(), 3U);
+}
+
 TEST_F(SampleDeliveryOnlineTest, PauseBetweenRefusalsGrows) {
   bench.broker.acknowledges = false;
   bench.take_samples(1);

@@ -16,6 +16,7 @@ using test::kBase;
 using namespace std::chrono_literals;
 
 using Status = std::shared_ptr<const AgentStatus>;
+using Kinds = std::vector<std::string>;
 using Values = std::map<std::string, LastValue, std::less<>>;
 
 struct StatusBench : test::PublisherBench {
@@ -335,10 +336,55 @@ TEST_F(AgentStatusOnlineTest, NamesWhatTheBrokerRefusesUntilItAccepts) {
     return bench.asked()->broker.refused;
   };
   EXPECT_TRUE(bench.asked()->broker.refused.empty());
-  EXPECT_EQ(refused_with("/health"), std::vector<std::string>{"states"});
+  EXPECT_EQ(refused_with("/health"), Kinds{"states"});
   bench.outbox.push(test::succeeded("a"));
-  EXPECT_EQ(refused_with("/result"), std::vector<std::string>{"results"});
+  EXPECT_EQ(refused_with("/result"), Kinds{"results"});
   EXPECT_TRUE(refused_with("").empty());
+}
+
+TEST_F(AgentStatusOnlineTest, RefusalOfWhatTheConfigDoesNotNeedDoesNotCount) {
+  bench.made();
+  Config wanted = bench.config;
+  wanted.devices = {bench.config.devices[1]};
+  const ConfigChange change = change_between(bench.config, std::move(wanted));
+  bench.broker.refuses_topic = "/press1/";
+  bench.outbox.ask([&](SteadyTime) { bench.made().begin_change(change); });
+  bench.step();
+  bench.outbox.ask([&](SteadyTime at) { (void)bench.made().change(change, at); });
+  bench.advance(60s);
+  EXPECT_EQ(bench.asked()->broker.refused, Kinds{}) << "its topics are to be cleared";
+  EXPECT_FALSE(bench.broker.on(kBase + "/press1/state").empty());
+  bench.command(R"({"id":"a","op":"read","tag":"temp"})");
+  bench.advance(60s);
+  EXPECT_EQ(bench.asked()->broker.refused, Kinds{}) << "no device or link has this name";
+  EXPECT_FALSE(bench.broker.on(kBase + "/press1/result").empty());
+}
+
+TEST_F(AgentStatusOnlineTest, RefusedClearOfTheConfigReportDoesNotCount) {
+  bench.broker.refuses_topic = "/config/reported";
+  bench.made().own_topics().report_config("{}", {});
+  bench.advance(60s);
+  EXPECT_EQ(bench.asked()->broker.refused, Kinds{"states"});
+  bench.made().own_topics().report_config("", {});
+  bench.advance(60s);
+  EXPECT_EQ(bench.asked()->broker.refused, Kinds{});
+}
+
+TEST_F(AgentStatusOnlineTest, BrokerThatIsAwayAndALibraryThatFailsRefuseNothing) {
+  bench.broker.refuses_topic = "/health";
+  bench.advance(60s);
+  bench.broker.reachable = false;
+  bench.broker.lose();
+  bench.step();
+  EXPECT_EQ(bench.asked()->broker.refused, Kinds{});
+  bench.broker.refuses_topic.clear();
+  bench.broker.reachable = true;
+  bench.advance(60s);
+  bench.broker.fails = true;
+  bench.outbox.push(test::succeeded("a"));
+  bench.advance(60s);
+  ASSERT_TRUE(bench.asked()->broker.connected);
+  EXPECT_EQ(bench.asked()->broker.refused, Kinds{});
 }
 
 TEST_F(AgentStatusOnlineTest, SaysWhenTheFieldHasToldItsCounters) {
