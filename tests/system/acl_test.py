@@ -248,13 +248,28 @@ class BrokerAcl(PlantTest):
         self.agent.process.send_signal(signal.SIGHUP)
         wait_for("a ready agent", lambda: readiness()["ok"])
         self.agent.stop()
+        anna.wait(f"{BASE}/state", lambda state: state["state"] == "offline")
         since = anna.mark()
         status, said, _ = fxagent("check", "--online", self.agent.path)
         self.assertEqual(status, 0, said)
-        self.assertIn(": answers\n  not tested: the right to receive commands", said)
+        self.assertIn(": answers\n  not tested: the right to publish anything but responses", said)
         [(_, topic, payload, message)] = anna.messages[since:]
         self.assertTrue(topic.startswith(f"{BASE}/press1/result/check-"), topic)
         self.assertEqual((payload, message.retain), (None, False))
+
+    def test_the_check_publishes_nothing_on_another_broker_which_has_no_response_topics(self):
+        self.start_secured()
+        self.start_sim()
+        config = self.config()
+        cloud = {"name": "cloud", "username": "stranger", "password_file": config["mqtt"]["password_file"],
+                 "servers": [f"mqtt://127.0.0.1:{self.broker.port}"]}
+        config |= {"profiles": [{"kind": "json"}, {"kind": "json", "broker": "cloud"}]}
+        receiving = "; the right to receive commands, which mosquitto does not report"
+        for commands, untested in ((True, receiving), (False, "")):
+            agent = Agent(self.directory, config | {"brokers": [cloud | {"commands": commands}]})
+            status, said, _ = fxagent("check", "--online", agent.path)
+            self.assertEqual(status, 0, said)
+            self.assertIn(f": answers\n  not tested: the right to publish{untested}\n", said)
 
     def test_names_that_cannot_stand_there_are_refused(self):
         self.broker = Broker(self.directory)

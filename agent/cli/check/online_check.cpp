@@ -175,7 +175,7 @@ class BrokerLook final {
 
   OnlineBroker run() {
     listen_until(Clock::now() + kBrokerPatience);
-    if (!over_) found_.text = "no answer";
+    if (!over_) found_.text = "no answer" + tried(" to ");
     if (!found_.connected) return std::move(found_);
     over_ = false;
     broker_.disconnect();
@@ -195,10 +195,7 @@ class BrokerLook final {
   }
   void on(const ConnectFailed& event) { end(event.text); }
   void on(const Lost& event) {
-    const bool has_published = tried_ > rights_.filters.size();
-    end("it closed the connection" +
-        (has_published ? " after a message on " + rights_.topic : std::string()) + ": " +
-        event.text);
+    end("it closed the connection" + tried(" after ") + ": " + event.text);
   }
   void on(const Subscribed& event) {
     if (!event.granted) refuses("subscribe to " + event.filter, event.text);
@@ -206,7 +203,7 @@ class BrokerLook final {
   }
   void on(const Delivered&) { try_next(); }
   void on(const DeliveryFailed& event) {
-    refuses("publish on " + rights_.topic, event.text);
+    refuses("publish on " + rights_.topic + ", a response topic", event.text);
     try_next();
   }
   void on(const Disconnected&) { over_ = true; }
@@ -217,9 +214,19 @@ class BrokerLook final {
     if (at < rights_.filters.size())
       broker_.subscribe({rights_.filters[at], /*no_local=*/false});
     else if (at == rights_.filters.size() && !rights_.topic.empty())
-      broker_.publish({.topic = rights_.topic});
+      publish();
     else
       end({});
+  }
+  void publish() {
+    found_.is_publishing_tried = true;
+    broker_.publish({.topic = rights_.topic});
+  }
+  /// Returns `before` and the last right that was tried; empty: none was.
+  std::string tried(const std::string& before) const {
+    if (found_.is_publishing_tried) return before + "a message on " + rights_.topic;
+    if (tried_ == 0 || tried_ > rights_.filters.size()) return {};
+    return before + "a subscription to " + rights_.filters[tried_ - 1];
   }
   void refuses(const std::string& right, const std::string& why) {
     found_.refused.push_back(right + " (" + why + ")");
@@ -242,10 +249,8 @@ void look_at(MqttConfig mqtt, TriedRights rights, std::vector<OnlineBroker>& fou
   // Uses its own client id: the agent's id would disconnect the running agent.
   mqtt.client_id += "-check-" + random_digits();
   if (mqtt.version != 5) rights.topic.clear();  // MQTT 3.1.1 acknowledges what it refuses
-  for (std::size_t i = 0; i < mqtt.servers.size(); ++i) {
-    OnlineBroker& broker = found.emplace_back(BrokerLook(mqtt, i, rights).run());
-    broker.is_publishing_tried = !rights.topic.empty();
-  }
+  for (std::size_t i = 0; i < mqtt.servers.size(); ++i)
+    found.emplace_back(BrokerLook(mqtt, i, rights).run());
 }
 
 std::vector<OnlineBroker> online_brokers(const Config& config) {
@@ -255,7 +260,6 @@ std::vector<OnlineBroker> online_brokers(const Config& config) {
   if (!config.devices.empty())
     own.topic =
         base + "/" + std::string(config.devices.front().name) + "/result/check-" + random_digits();
-  TriedRights of_json = own;
   if (config.remote.enabled) own.filters.push_back(base + std::string(kDesiredTopic));
   if (config.pair)
     for (const std::string_view topic : kPairTopics)
@@ -266,9 +270,12 @@ std::vector<OnlineBroker> online_brokers(const Config& config) {
     const bool has_json = std::ranges::any_of(config.profiles, [&](const ProfileConfig& profile) {
       return profile.kind == ProfileConfig::Kind::json && profile.broker == broker.name;
     });
-    TriedRights rights = has_json ? of_json : TriedRights{};
-    if (!broker.commands) rights.filters.clear();
-    look_at(broker.mqtt, rights, found);
+    const auto first = std::ssize(found);
+    // No publishing: a message on a response topic would do no harm, but json has none there.
+    look_at(broker.mqtt, has_json && broker.commands ? TriedRights{{commands}} : TriedRights{},
+            found);
+    for (auto it = found.begin() + first; it != found.end(); ++it)
+      it->sends_commands = broker.commands;
   }
   return found;
 }

@@ -112,8 +112,10 @@ std::string said(const OnlineBroker& broker) {
 
 /// Returns what the check cannot know of a broker that answers.
 std::string untested(const OnlineBroker& broker) {
-  return std::string(broker.is_publishing_tried ? "" : "the right to publish; ") +
-         "the right to receive commands, which mosquitto does not report";
+  return std::string("the right to publish") +
+         (broker.is_publishing_tried ? " anything but responses" : "") +
+         (broker.sends_commands ? "; the right to receive commands, which mosquitto does not report"
+                                : "");
 }
 
 // ---- requests to a running agent ----------------------------------------------------------------
@@ -392,7 +394,7 @@ std::string online_text(const Config& config, const OnlineFindings& findings) {
   }
   for (const OnlineBroker& broker : findings.brokers) {
     line("broker " + broker.server + ": " + said(broker));
-    if (broker.connected && !is_faulty(broker)) line("  not tested: " + untested(broker));
+    if (broker.connected) line("  not tested: " + untested(broker));
   }
   const auto to_do = to_do_of(config, findings);
   if (to_do.empty()) {

@@ -61,7 +61,8 @@ struct OnlineBroker {
   /// Rights that the agent's user lacks, with the broker's reason:
   /// "subscribe to fx/edge7/+/command (Not authorized)".
   std::vector<std::string> refused{};
-  bool is_publishing_tried = false;  ///< false: `refused` can name only subscriptions
+  bool is_publishing_tried = false;  ///< a response; false: `refused` can name only subscriptions
+  bool sends_commands = true;        ///< the agent receives commands from it
 };
 
 /// Collects the answers of a config's devices. Expects from each queried device its state and one
