@@ -17,10 +17,15 @@ constexpr std::size_t kPacketOverhead = 64;
 
 }  // namespace
 
-void log_failed(std::string_view what, const DeliveryFailed& event) {
-  log::warn(
-      event.reason_code != 0 ? "publish_refused" : "publish_failed",
-      {{"what", std::string(what)}, {"code", hex_code(event.reason_code)}, {"reason", event.text}});
+void log_failed(std::string_view what, const DeliveryFailed& event, std::string_view topic) {
+  const auto warn = [&](const auto&... place) {
+    log::warn(event.reason_code != 0 ? "publish_refused" : "publish_failed",
+              {{"what", std::string(what)},
+               place...,
+               {"code", hex_code(event.reason_code)},
+               {"reason", event.text}});
+  };
+  topic.empty() ? warn() : warn(log::Field{"topic", log::excerpt(topic)});
 }
 
 void Outgoing::begin(const Connected& connected) {

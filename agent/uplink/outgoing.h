@@ -121,7 +121,8 @@ class Outgoing final {
   std::optional<SteadyTime> unanswered_since_;
 };
 
-/// Logs that a publication failed. `what` it was: a state, the name of a profile.
-void log_failed(std::string_view what, const DeliveryFailed& event);
+/// Logs that a publication failed. `what` it was: a state, the name of a profile. `topic`: empty if
+/// the caller has kept none.
+void log_failed(std::string_view what, const DeliveryFailed& event, std::string_view topic = {});
 
 }  // namespace fxagent

@@ -120,9 +120,9 @@ void RetainedState::pump(SteadyTime now) {
       published_[taken.key()] = {std::hash<std::string_view>{}(publication.payload), now};
       repairs_.erase(taken.key());
     }
-    const bool clears = publication.payload.empty();
-    const std::uint64_t id = outgoing_.send(*this, std::move(publication));
-    flights_.emplace(id, Flight{std::move(taken.key()), taken.mapped(), clears});
+    Flight flight{std::move(taken.key()), taken.mapped(), publication.topic,
+                  publication.payload.empty()};
+    flights_.emplace(outgoing_.send(*this, std::move(publication)), std::move(flight));
   }
 }
 
@@ -156,9 +156,9 @@ void RetainedState::delivered(std::uint64_t id, SteadyTime) {
 void RetainedState::failed(const DeliveryFailed& event, SteadyTime now) {
   const auto found = flights_.find(event.id);
   if (found == flights_.end()) return;  // of a removed device
-  log_failed(what_, event);
+  log_failed(what_, event, found->second.topic);
   if (is_final(event.reason_code)) return delivered(event.id, now);
-  const auto& [key, due, clears] = found->second;
+  const auto& [key, due, topic, clears] = found->second;
   due_.insert_or_assign(
       key, Due{now + backoff_.after(due.failures), due.failures + 1, event.reason_code != 0});
   flights_.erase(found);

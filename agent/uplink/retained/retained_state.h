@@ -102,6 +102,7 @@ class RetainedState final : public Outgoing::Sender {
   struct Flight {
     Key key;
     Due due;
+    std::string topic;
     bool clears = false;  ///< it has no text
   };
 

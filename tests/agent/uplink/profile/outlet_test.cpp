@@ -750,7 +750,8 @@ TEST_P(JsonOutletTest, RefusalOfAStateIsLoggedWithTheNameOfTheProfile) {
   testing::internal::CaptureStderr();
   settle();
   test::expect_says(testing::internal::GetCapturedStderr(),
-                    "publish_refused what=" + outlet_->status().name + " code=0x97");
+                    "publish_refused what=" + outlet_->status().name +
+                        " topic=" + broker_.log.back().topic + " code=0x97");
 }
 
 TEST_P(JsonOutletTest, TopicRefusedToBeClearedIsClearedAtOnceInTheNextConnection) {
