@@ -56,7 +56,8 @@ class Examination final {
           broker.since_ms);
     } else if (!broker.not_heard_why.empty()) {
       add(Severity::bad, "broker", "Commands are not received: " + broker.not_heard_why,
-          "Allow this client to subscribe to " + config_.base_topic() + "/+/command on the broker.",
+          "If the broker refuses the subscription, allow this client to subscribe to " +
+              config_.base_topic() + "/+/command there.",
           broker.since_ms);
     }
     for (const std::string& what : broker.refused)

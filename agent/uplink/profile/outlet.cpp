@@ -83,7 +83,7 @@ SteadyTime Outlet::step(SteadyTime now) {
   if (shutdown_.has_begun()) {
     for (const auto& [filter, reason] : std::exchange(ungranted_, {}))
       if (reason.empty())  // no answer is awaited any more
-        profile_.subscribed({filter, false, "the agent stops"});
+        profile_.subscribed({filter, false, "the agent is stopping"});
   } else {
     session_.step(now);
     subscribe(now);

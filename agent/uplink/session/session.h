@@ -90,8 +90,8 @@ class Session final {
 
   // ---- shutdown
 
-  /// Skips the wait before the new connection that one of the three functions above has begun: its
-  /// broker must also receive the final state.
+  /// Skips the wait before the new connection that restart(), connect_to_next_server() or
+  /// reconnect_with_one_in_flight() has begun: its broker must also receive the final state.
   void reconnect_if_leaving(SteadyTime now);
   /// Sends the DISCONNECT. on(Disconnected) reports that it is sent; call close() in any case.
   void disconnect() { broker_.disconnect(will_); }
