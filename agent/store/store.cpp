@@ -29,7 +29,7 @@ Store::Store(const StoreConfig& config, std::int64_t utc_ms, milliseconds patien
   if (disk_.is_locked() && !disk_.is_open()) journal_.read_earlier_runs();
   journal_.begin_run(audit_.last_command_number() + 1);
   started_.begin_run(audit_.last_command_number() + 1);
-  if (disk_.is_open()) started_.go_on();
+  if (disk_.is_locked()) started_.go_on();
   if (is_writable())
     log::info("store", {{"state", "disk"},
                         {"path", config_.path},
@@ -53,8 +53,8 @@ void Store::open_late() {
   const bool is_own = disk_.was_open();  // it was set aside as damaged, and a fresh one failed too
   disk_.open();
   if (!is_writable()) return;
-  started_.begin_anew(audit_.last_command_number() + 1);
   std::vector<JournalEntry> newer = journal_.open_unrecorded_file();
+  started_.begin_anew(audit_.last_command_number() + 1);
   if (is_own) return;
   samples_.begin_run();
   // If the clock started in the past, commands of this run have lower numbers than earlier ones.

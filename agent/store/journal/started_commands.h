@@ -32,8 +32,8 @@ class StartedCommands final {
 
   /// Commands of this run have numbers from `first_number`. Call once, before all else.
   void begin_run(std::uint64_t first_number) { first_of_run_ = first_number; }
-  /// Call when the database is open and no command of this run has left. Reads the marks of earlier
-  /// runs and continues the file.
+  /// Call when the directory is locked and no command of this run has left. Reads the marks of
+  /// earlier runs and continues the file.
   void go_on();
   /// Call when the database has opened late. Reads the marks of earlier runs and starts a new file,
   /// since commands that this run has sent are not marked. `next_number`: number of the next

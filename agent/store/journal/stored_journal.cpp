@@ -11,6 +11,16 @@ namespace {
 // Commands may take 1 / kShareOfJournal of max_bytes; samples have at least the rest.
 constexpr std::uint64_t kShareOfJournal = 2;
 
+/// Copies SQLite's log into the file, which synchronises both with the disk. Returns false if a
+/// reader or the disk keeps it from copying all.
+bool survives_power_cut(SQLite::Database& database) {
+  int pages = 0;
+  int copied = -1;
+  return sqlite3_wal_checkpoint_v2(database.getHandle(), nullptr, SQLITE_CHECKPOINT_PASSIVE, &pages,
+                                   &copied) == SQLITE_OK &&
+         copied == pages;
+}
+
 }  // namespace
 
 void StoredJournal::write(const JournalEntry& entry) {
@@ -28,6 +38,10 @@ bool StoredJournal::journal(std::span<const JournalEntry> entries) {
   if (is_written) return true;
   for (JournalEntry entry : entries) {
     audit_.note(std::exchange(entry.audit, {}));
+    // An admitted command that expired stays admitted, as in the table.
+    if (entry.refused)
+      if (const auto known = find(entry.device, entry.id); known && known->number == entry.number)
+        entry.refused = known->refused;
     waiting_.put(std::move(entry));
   }
   // A fresh file may have replaced a damaged one.
@@ -137,7 +151,8 @@ void StoredJournal::keep_unrecorded() {
 }
 
 void StoredJournal::move_waiting_times(std::int64_t by_ms) {
-  waiting_.move_times(by_ms);
+  // As in the table: a command of an earlier start of the machine came by a right clock.
+  waiting_.move_times(by_ms, first_of_run_, disk_.machine_start_ms());
   have_times_moved_ = true;
 }
 
@@ -191,7 +206,8 @@ void StoredJournal::committed() {
   if (is_acknowledged_) to_acknowledge_.clear();
   kept_ = std::min(kept_, to_acknowledge_.size());
   written_ = 0;
-  if (!has_pending()) unrecorded_file_.clear();
+  if (!has_pending() && !unrecorded_file_.is_empty() && survives_power_cut(disk_.database()))
+    unrecorded_file_.clear();
 }
 
 }  // namespace fxagent

@@ -47,8 +47,10 @@ void UnrecordedCommands::drop_first(std::size_t count) {
   if (entries_.empty()) forgot_some_ = false;
 }
 
-void UnrecordedCommands::move_times(std::int64_t by_ms) {
+void UnrecordedCommands::move_times(std::int64_t by_ms, std::uint64_t from_number,
+                                    std::int64_t from_ms) {
   for (JournalEntry& entry : entries_) {
+    if (entry.number < from_number && entry.received_ms < from_ms) continue;
     entry.received_ms += by_ms;
     entry.deadline_ms += by_ms;
   }

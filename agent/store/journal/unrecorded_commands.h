@@ -34,8 +34,9 @@ class UnrecordedCommands final {
   auto end() const { return entries_.end(); }
   /// Removes the first `count` entries: they are in the file.
   void drop_first(std::size_t count);
-  /// Shifts all times, after the calendar was set.
-  void move_times(std::int64_t by_ms);
+  /// Shifts times by a calendar that was set: of commands with numbers from `from_number`, or that
+  /// came at `from_ms` or later.
+  void move_times(std::int64_t by_ms, std::uint64_t from_number, std::int64_t from_ms);
 
  private:
   using Entries = std::list<JournalEntry>;

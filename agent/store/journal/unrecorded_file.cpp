@@ -171,7 +171,6 @@ void UnrecordedFile::keep(const JournalEntry& entry) {
   if (!write_at(handle_, text.data(), text.size(), found->second * kPlaceBytes))
     return failed(fault_of_system("write"));
   is_changed_ = true;
-  has_failed_ = false;
 }
 
 void UnrecordedFile::synchronise() {
@@ -181,7 +180,8 @@ void UnrecordedFile::synchronise() {
     const FileHandle directory(::open(directory_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
     is_named_ = is_done = directory >= 0 && ::fsync(directory) == 0;
   }
-  if (!is_done) failed(fault_of_system("synchronise"));
+  if (!is_done) return failed(fault_of_system("synchronise"));
+  has_failed_ = false;
 }
 
 void UnrecordedFile::clear() {

@@ -39,7 +39,9 @@ class UnrecordedFile final {
   void keep(const JournalEntry& entry);
   /// Synchronises the entries with the disk: they survive a power cut, too.
   void synchronise();
-  /// Empties the file: the database has every entry.
+  /// True if no entry is kept.
+  bool is_empty() const { return keys_.empty(); }
+  /// Empties the file. Call when the database has every entry and has synchronised them.
   void clear();
 
  private:

@@ -76,9 +76,13 @@ TEST(UnrecordedCommands, FirstOnesAreThoseThatLastChangedLongestAgo) {
 TEST(UnrecordedCommands, TimesMoveWithTheCalendar) {
   UnrecordedCommands waiting;
   waiting.put(entry("x", 1));
-  waiting.move_times(-300);
+  waiting.move_times(-300, 2, 1000);
   EXPECT_EQ(waiting.find("a", "x")->received_ms, 700);
   EXPECT_EQ(waiting.find("a", "x")->deadline_ms, 1700);
+  waiting.move_times(-300, 1, 1000);
+  EXPECT_EQ(waiting.find("a", "x")->received_ms, 400);
+  waiting.move_times(-300, 2, 1000);
+  EXPECT_EQ(waiting.find("a", "x")->received_ms, 400) << "of an earlier start of the machine";
 }
 
 }  // namespace

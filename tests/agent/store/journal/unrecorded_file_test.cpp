@@ -9,6 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "agent/commands/recovery.h"
+#include "tests/agent/store/power_cut.h"
 #include "tests/agent/store/shelf.h"
 #include "tests/agent/store/synced_files.h"
 
@@ -201,6 +203,13 @@ struct UnrecordedStoreTest : ::testing::Test {
     command.payload.clear();
     shelf.record(command);
   }
+  /// Records the result of an admitted command that was not sent in time.
+  void expire(JournalEntry command) {
+    command.result = "{expired}";
+    command.refused = true;
+    command.payload.clear();
+    shelf.record(command);
+  }
   void acknowledge(const JournalEntry& command) {
     shelf.store->journal().acknowledge("a", command.id, command.number);
     shelf.store->upkeep(kStart + std::chrono::seconds(1), kNow);  // as in the uplink's next round
@@ -210,6 +219,20 @@ struct UnrecordedStoreTest : ::testing::Test {
     shelf.store.reset();
     full.reset();
     return shelf.open(kNow + 1000).journal();
+  }
+  /// Keeps the database from opening while it lives.
+  std::optional<SQLite::Database> in_use() {
+    std::optional<SQLite::Database> other(sqlite::open(shelf.file()));
+    other->exec("PRAGMA locking_mode = EXCLUSIVE");
+    other->exec("BEGIN EXCLUSIVE");
+    return other;
+  }
+  /// After unmount(): the directory is back, and the open store tries it.
+  void mount_late(std::int64_t utc_ms) {
+    fs::remove_all(shelf.config.path);
+    fs::rename(shelf.config.path + "-away", shelf.config.path);
+    shelf.store->upkeep(kStart, utc_ms);
+    shelf.store->upkeep(kStart + Store::kTryAgain, utc_ms);
   }
   void write() { shelf.store->upkeep(kStart, kNow + 1000); }
   std::set<std::string> known() {
@@ -326,9 +349,7 @@ TEST_F(UnrecordedStoreTest, TimesFollowAClockThatIsSet) {
 TEST_F(UnrecordedStoreTest, CommandIsKnownWhileTheDatabaseDoesNotOpen) {
   refused("x");
   shelf.store.reset();
-  std::optional<SQLite::Database> other(sqlite::open(shelf.file()));
-  other->exec("PRAGMA locking_mode = EXCLUSIVE");
-  other->exec("BEGIN EXCLUSIVE");
+  std::optional<SQLite::Database> other(in_use());
   StoredJournal& journal = start_again();
   EXPECT_EQ(shelf.store->state(), "memory");
   EXPECT_EQ(journal.unwritten().at(0).id, "x");
@@ -345,14 +366,104 @@ TEST_F(UnrecordedStoreTest, DirectoryThatComesLateBringsItsCommands) {
   full.reset();
   shelf.unmount();
   shelf.open(kNow + 1000);
-  fs::remove_all(shelf.config.path);
-  fs::rename(shelf.config.path + "-away", shelf.config.path);
-  shelf.store->upkeep(kStart, kNow + 1000);
-  shelf.store->upkeep(kStart + Store::kTryAgain, kNow + 1000);
+  mount_late(kNow + 1000);
   const auto late = shelf.store->take_found_late();
   ASSERT_TRUE(late);
   ASSERT_EQ(late->newer.size(), 1U);
   EXPECT_EQ(late->newer[0].id, "x");
+}
+
+TEST_F(UnrecordedStoreTest, CommandThatExpiredKeepsItsResult) {
+  const JournalEntry command = refused("x");
+  expire(command);
+  acknowledge(command);
+  const auto unwritten = start_again().unwritten();
+  ASSERT_EQ(unwritten.size(), 1U);
+  EXPECT_EQ(unwritten[0].result, "{expired}");
+  EXPECT_TRUE(unwritten[0].acknowledged);
+}
+
+TEST_F(UnrecordedStoreTest, CommandInTheDatabaseThatExpiredKeepsItsResult) {
+  expire(journaled);
+  acknowledge(journaled);
+  start_again();
+  write();
+  EXPECT_EQ(unacknowledged(), Ids{"large"});
+}
+
+TEST_F(UnrecordedStoreTest, CommandCountsAsSentIfARunWithoutTheDatabaseSentIt) {
+  shelf.store.reset();
+  full.reset();
+  std::optional<SQLite::Database> other(in_use());
+  shelf.open(kNow + 1000);
+  EXPECT_EQ(shelf.store->state(), "memory");
+  shelf.store->started().mark(refused("x").number);
+  shelf.store.reset();
+  other.reset();
+  const auto unwritten = shelf.open(kNow + 2000).journal().unwritten();
+  ASSERT_EQ(unwritten.size(), 1U);
+  EXPECT_FALSE(unwritten[0].surely_not_sent);
+}
+
+TEST_F(UnrecordedStoreTest, CommandThatWasSentCountsSoAfterARunThatOpenedLate) {
+  shelf.store->audit().count_above(
+      kNow);  // numbers from the clock, as after a start without a file
+  shelf.store->started().mark(refused("x").number);
+  full.reset();
+  shelf.unmount();
+  shelf.open(1000);  // the clock starts in 1970
+  mount_late(1000);
+  ASSERT_EQ(shelf.store->state(), "disk");
+  shelf.open(kNow);
+  for (const JournalEntry& each : shelf.store->journal().unacknowledged())
+    EXPECT_FALSE(each.id == "x" && each.surely_not_sent);
+}
+
+TEST_F(UnrecordedStoreTest, TimesOfAnEarlierStartOfTheMachineStay) {
+  refused("x");
+  start_again();
+  full.emplace(kSize);
+  constexpr std::int64_t kAhead = 3 * 86'400'000LL;
+  shelf.store->upkeep(kStart, kNow + kAhead);
+  EXPECT_EQ(shelf.store->state(), "memory");
+  shelf.store->upkeep(kStart + std::chrono::seconds(1), kNow + 1000);
+  EXPECT_EQ(start_again().unwritten().at(0).received_ms, kNow);
+}
+
+TEST_F(UnrecordedStoreTest, TimesOfAnEarlierRunOfThisStartFollowTheClock) {
+  refused("x");
+  start_again();
+  full.emplace(kSize);
+  constexpr std::int64_t kSet = 86'400'000;
+  shelf.store->upkeep(kStart, kNow + 1000);
+  shelf.store->upkeep(kStart + std::chrono::seconds(1), kNow + 2000 + kSet);
+  EXPECT_EQ(start_again().unwritten().at(0).received_ms, kNow + kSet);
+}
+
+TEST(UnrecordedStorePower, CommandSurvivesAPowerCutAfterItsMoveToTheDatabase) {
+  PowerCut power;
+  const SyncedFiles plain;
+  OpenShelf shelf;
+  ASSERT_TRUE(shelf.journal(shelf.arrived("before")));
+  shelf.store->upkeep(kStart, kNow);
+  const auto refuse = [&](const std::string& id) {
+    power.set_failing(true);
+    EXPECT_FALSE(shelf.journal(shelf.arrived(id)));
+    power.set_failing(false);
+  };
+  refuse("x");
+  const SteadyTime later = kStart + std::chrono::seconds(1);
+  shelf.store->upkeep(later, kNow + 1000);
+  shelf.store->upkeep(later + Store::kTryAgain, kNow + 11000);
+  ASSERT_EQ(shelf.store->state(), "disk");
+  refuse("y");
+  StoreConfig after = shelf.config;
+  after.path = shelf.scratch.path("after");
+  power.leave(shelf.config.path, after.path);
+  plain.leave(shelf.config.path, after.path, "fxagent.db.unrecorded");
+  Store next(after, kNow);
+  EXPECT_TRUE(next.journal().find("a", "y"));
+  EXPECT_TRUE(next.journal().find("a", "x"));
 }
 
 }  // namespace
