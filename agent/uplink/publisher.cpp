@@ -299,7 +299,7 @@ void Publisher::keep_shutdown(SteadyTime now) {
         {{"count", std::to_string(left)},
          {"note",
           "the disk refused them: the audit does not have them all; fxagent.db.unrecorded keeps "
-          "the last ids for the next start"}});
+          "the last ids for the next start, unless the log has unrecorded_commands"}});
 }
 
 // ---- config change ------------------------------------------------------------------------------
