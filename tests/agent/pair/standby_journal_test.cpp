@@ -6,6 +6,7 @@
 
 #include "agent/commands/audit_records.h"
 #include "agent/pair/pair_messages.h"
+#include "agent/store/journal/unrecorded_file.h"
 #include "tests/support/scratch.h"
 
 namespace fxagent {
@@ -255,6 +256,24 @@ TEST_F(StandbyJournalBegun, TakenOverEntryGetsANumberOfTheOtherStore) {
   EXPECT_EQ(kept("open").result, "");
   EXPECT_EQ(kept("done").result, entries[1].result);
   EXPECT_TRUE(kept("done").acknowledged);
+}
+
+TEST_F(StandbyJournalTest, CommandThatAFullDiskRefusedIsUnanswered) {
+  open_store();
+  store_.reset();
+  {
+    UnrecordedFile file(config_.path);
+    file.open();
+    file.keep(command("1"));
+    JournalEntry over = command("2");
+    over.acknowledged = true;
+    file.keep(over);
+  }
+  stand_by();
+  journal_->upkeep(SteadyTime{} + std::chrono::hours(1));
+  const auto entries = left();
+  ASSERT_EQ(entries.size(), 1U);
+  EXPECT_EQ(entries[0].id, "1");
 }
 
 }  // namespace
