@@ -141,6 +141,7 @@ ProfileParts make_profile(const Config& config, const ProfileConfig& what,
   if (!config.store.path.empty() && parts.profile->wants_samples()) {
     StoreConfig own = config.store;
     own.path += "/" + name_of(what);
+    own.keeps_commands = false;
     parts.store = std::make_unique<Store>(own, utc_now_ms());
     parts.guarded = std::make_unique<GuardedStore>(*parts.store, wake);
   }

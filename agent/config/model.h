@@ -240,7 +240,8 @@ std::string_view kind_of(const ProfileConfig& profile);
 std::string name_of(const ProfileConfig& profile);
 
 struct StoreConfig {
-  std::string path;  ///< empty: no store
+  std::string path;            ///< empty: no store
+  bool keeps_commands = true;  ///< false: it is of a profile, and has samples only
   std::uint64_t max_bytes = static_cast<std::uint64_t>(config_key("store.max_bytes").number());
   std::chrono::hours max_age{config_key("store.max_age_h").number()};
   bool sync_always = config_key("store.sync").index() == 1;

@@ -91,7 +91,6 @@ bool Store::try_the_disk(SteadyTime now) {
   numbers_.write_all();
   disk_.move_stored_times();
   if (!disk_.flush()) return false;
-  journal_.open_unrecorded_file();  // there was no room for it
   log::info("store", {{"state", "disk"}, {"rows", std::to_string(samples_.rows())}});
   return true;
 }
@@ -125,6 +124,7 @@ void Store::upkeep(SteadyTime now, std::int64_t utc_ms) {
   if (is_clean_up_due) {
     clean_up_at_ = now + kCleanUpEvery;
     look_for_the_files();
+    journal_.open_unrecorded_file();  // it was deleted, or there is room for it now
     samples_.drop_old();
     journal_.drop_old();
   }

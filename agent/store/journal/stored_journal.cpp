@@ -2,7 +2,8 @@
 
 #include <algorithm>
 #include <chrono>
-#include <set>
+#include <map>
+#include <string_view>
 #include <utility>
 
 namespace fxagent {
@@ -10,6 +11,25 @@ namespace {
 
 // Commands may take 1 / kShareOfJournal of max_bytes; samples have at least the rest.
 constexpr std::uint64_t kShareOfJournal = 2;
+
+constexpr std::string_view kTotal = "\"total_ms\":";
+
+/// Returns the entry with what an acknowledgement changes, as CommandTable::acknowledge().
+JournalEntry acknowledged(JournalEntry entry, const std::string& total_ms) {
+  entry.acknowledged = true;
+  const std::string unknown = std::string(kTotal) + "null";
+  if (const auto at = entry.result.find(unknown); at != std::string::npos && !total_ms.empty())
+    entry.result.replace(at + kTotal.size(), 4, total_ms);
+  return entry;
+}
+
+/// Returns the `total_ms` of a result; empty if it has none.
+std::string total_ms_in(const std::string& result) {
+  const auto at = result.find(kTotal);
+  if (at == std::string::npos) return {};
+  const auto begin = at + kTotal.size();
+  return result.substr(begin, result.find_first_of(",}", begin) - begin);
+}
 
 /// Copies SQLite's log into the file, which synchronises both with the disk. Returns false if a
 /// reader or the disk keeps it from copying all.
@@ -99,25 +119,25 @@ std::vector<JournalEntry> StoredJournal::unacknowledged(const std::string& devic
 
 std::vector<JournalEntry> StoredJournal::unwritten() {
   std::vector<JournalEntry> entries;
-  std::set<std::pair<std::string, std::string>> acknowledged;  // device and id
-  for (const Acknowledgement& each : to_acknowledge_) acknowledged.emplace(each.device, each.id);
+  std::map<std::pair<std::string, std::string>, std::string> total_ms;  // by device and id
+  for (const Acknowledgement& each : to_acknowledge_)
+    total_ms[{each.device, each.id}] = each.total_ms;
   for (const JournalEntry& entry : waiting_) {
     JournalEntry& added = entries.emplace_back(entry);
-    added.acknowledged = acknowledged.erase({entry.device, entry.id}) != 0;
+    if (const auto known = total_ms.extract({entry.device, entry.id}))
+      added = acknowledged(std::move(added), known.mapped());
     if (added.result.empty() && started_.surely_not_sent(added.number))
       added.surely_not_sent = true;
   }
-  for (const auto& [device, id] : acknowledged) {
-    auto entry = find(device, id);
-    if (!entry) continue;
-    entry->acknowledged = true;
-    entries.push_back(*std::move(entry));
-  }
+  for (const auto& [key, time] : total_ms)
+    if (auto entry = find(key.first, key.second))
+      entries.push_back(acknowledged(*std::move(entry), time));
   return entries;
 }
 
 std::vector<JournalEntry> StoredJournal::open_unrecorded_file() {
   std::vector<JournalEntry> left;
+  if (!config_.keeps_commands) return left;
   for (JournalEntry& entry : unrecorded_file_.open()) {
     audit_.count_above(entry.number);
     const auto known = find(entry.device, entry.id);
@@ -130,10 +150,10 @@ std::vector<JournalEntry> StoredJournal::open_unrecorded_file() {
     } else if (known->number > entry.number || known->acknowledged || !entry.acknowledged) {
       continue;
     }
-    if (entry.acknowledged) acknowledge(entry.device, entry.id, entry.number);
+    if (entry.acknowledged)
+      acknowledge(entry.device, entry.id, entry.number, total_ms_in(entry.result));
     left.push_back(std::move(entry));
   }
-  kept_ = to_acknowledge_.size();
   return left;
 }
 
@@ -143,9 +163,7 @@ void StoredJournal::keep_unrecorded() {
   for (; kept_ < to_acknowledge_.size(); ++kept_) {
     const Acknowledgement& each = to_acknowledge_[kept_];
     auto entry = find(each.device, each.id);
-    if (!entry || entry->number != each.number) continue;
-    entry->acknowledged = true;
-    keep(*entry);
+    if (entry && entry->number == each.number) keep(acknowledged(*entry, each.total_ms));
   }
   unrecorded_file_.synchronise();
 }

@@ -8,8 +8,10 @@
 #include <array>
 #include <cerrno>
 #include <cstring>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <system_error>
 
 #include "agent/log/log.h"
 #include "agent/store/disk/store_file.h"
@@ -115,8 +117,13 @@ bool UnrecordedFile::has_full_size() const {
 }
 
 /// Gives the file its full size, all places empty. Returns false, with errno set, on failure; the
-/// file is then empty.
+/// file is then empty. Does not take the last room of the disk.
 bool UnrecordedFile::make() const {
+  std::error_code unknown;
+  if (std::filesystem::space(directory_, unknown).available < 2 * kSize) {
+    errno = ENOSPC;
+    return false;
+  }
   if (::ftruncate(handle_, 0) == 0 && write_at(handle_, std::string(kSize, '\0').data(), kSize, 0))
     return true;
   const int why = errno;

@@ -9,7 +9,6 @@
 #include <string>
 #include <vector>
 
-#include "agent/commands/recovery.h"
 #include "tests/agent/store/power_cut.h"
 #include "tests/agent/store/shelf.h"
 #include "tests/agent/store/synced_files.h"
@@ -438,6 +437,50 @@ TEST_F(UnrecordedStoreTest, TimesOfAnEarlierRunOfThisStartFollowTheClock) {
   shelf.store->upkeep(kStart, kNow + 1000);
   shelf.store->upkeep(kStart + std::chrono::seconds(1), kNow + 2000 + kSet);
   EXPECT_EQ(start_again().unwritten().at(0).received_ms, kNow + kSet);
+}
+
+TEST_F(UnrecordedStoreTest, PublishedTotalTimeIsKept) {
+  for (JournalEntry each : {journaled, refused("x")}) {
+    each.result = R"({"t":{"total_ms":null,"x":1}})";
+    each.payload.clear();
+    shelf.record(each);
+    shelf.store->journal().acknowledge("a", each.id, each.number, "12.5");
+  }
+  shelf.store->upkeep(kStart + std::chrono::seconds(1), kNow);
+  start_again();
+  write();
+  EXPECT_EQ(shelf.found("x")->result, R"({"t":{"total_ms":12.5,"x":1}})");
+  EXPECT_EQ(shelf.found("journaled")->result, R"({"t":{"total_ms":12.5,"x":1}})");
+}
+
+TEST_F(UnrecordedStoreTest, PublishedTotalTimeOfAResultInTheDatabaseIsKept) {
+  full.reset();
+  journaled.result = R"({"t":{"total_ms":null}})";
+  shelf.record(journaled);
+  shelf.store->upkeep(kStart, kNow);
+  full.emplace(kSize);
+  shelf.store->journal().acknowledge("a", "journaled", journaled.number, "12.5");
+  shelf.store->close();
+  start_again();
+  write();
+  EXPECT_EQ(shelf.found("journaled")->result, R"({"t":{"total_ms":12.5}})");
+}
+
+TEST_F(UnrecordedStoreTest, DeletedFileIsMadeAnew) {
+  start_again();
+  const std::string path = shelf.file() + ".unrecorded";
+  shelf.store->upkeep(kStart, kNow);
+  fs::remove(path);
+  shelf.store->upkeep(kStart + std::chrono::minutes(1), kNow + 60000);
+  EXPECT_EQ(fs::file_size(path), kSize);
+}
+
+TEST_F(UnrecordedStoreTest, StoreWithoutCommandsNeedsNoFile) {
+  shelf.store.reset();
+  fs::remove(shelf.file() + ".unrecorded");
+  shelf.config.keeps_commands = false;
+  shelf.open(kNow);
+  EXPECT_FALSE(fs::exists(shelf.file() + ".unrecorded"));
 }
 
 TEST(UnrecordedStorePower, CommandSurvivesAPowerCutAfterItsMoveToTheDatabase) {
