@@ -337,7 +337,10 @@ std::string ConfigReader::without_secrets(const ConfigNode& at, std::string text
 void NameTable::add(ConfigReader& reader, const std::string& name, const ConfigNode& node,
                     std::uint32_t index) {
   const auto [entry, fresh] = entries_.emplace(name, Entry{index, &node});
-  if (!fresh)
+  if (fresh) return;
+  if (entry->second.is_guess)
+    entry->second = {index, &node};
+  else
     reader.error(node, "\"" + name + "\" is already used as a name at " +
                            reader.place_of(*entry->second.node));
 }
@@ -350,9 +353,9 @@ std::string NameTable::read(ConfigReader& reader, const ConfigNode& item, const 
     return *name;
   }
   // "Line1" is reported here, and not once more at each "line1" that refers to it.
-  const std::string meant = node == nullptr ? "" : lower(reader.replaced(*node));
+  const std::string meant = node == nullptr ? "" : lower(node->text);
   if (is_name(meant))
-    entries_.try_emplace(meant, Entry{index, node});
+    entries_.try_emplace(meant, Entry{index, node, true});
   else
     add_unnamed();
   return {};

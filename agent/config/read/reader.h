@@ -154,6 +154,7 @@ class NameTable {
   struct Entry {
     std::uint32_t index = 0;
     const ConfigNode* node = nullptr;
+    bool is_guess = false;  ///< the file has a wrong name, which probably means this one
   };
   std::map<std::string, Entry, std::less<>> entries_;
   bool has_unnamed_ = false;

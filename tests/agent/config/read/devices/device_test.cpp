@@ -287,6 +287,27 @@ TEST(ConfigDevice, AWrongNameOfALinkHidesNoOtherUnknownLink) {
   EXPECT_EQ(errors[0].text, "there is no link \"gw2\"; did you mean gw1?");
 }
 
+TEST(ConfigDevice, AWrongNameDoesNotShowItsVariable) {
+  auto plant = small_plant();
+  plant["links"][0]["name"] = "${SECRET}";
+  plant["devices"][0]["link"] = "x";
+  const auto errors = errors_of(plant.dump(1), environment({{"SECRET", "Hunter2"}}));
+  ASSERT_FALSE(errors.empty());
+  EXPECT_EQ(listed(errors).find("unter2"), std::string::npos) << listed(errors);
+}
+
+TEST(ConfigDevice, AWrongNameDoesNotTakeTheRightOne) {
+  auto plant = small_plant();
+  plant["links"].insert(plant["links"].begin(), plant["links"][0]);
+  plant["links"][0]["name"] = "Line1";
+  plant["links"][0]["serial"]["path"] = "/dev/ttyUSB1";
+  expect_error(plant.dump(1), "/links/0/name", {"Line1"});
+  plant["links"].erase(0);
+  plant["devices"][0]["tags"] = {{{"name", "Temp"}, {"address", "D1"}},
+                                 {{"name", "temp"}, {"address", "D2"}}};
+  expect_error(plant.dump(1), "/devices/0/tags/0/name", {"Temp"});
+}
+
 /// Returns the pointers of the errors of a device with these members besides name, link and tags.
 std::vector<std::string> faulty_places(const std::string& protocol, const std::string& members,
                                        const std::vector<std::string>& addresses,
