@@ -149,7 +149,7 @@ class DeviceReader {
   /// The device's codec, shared with `device_.codec`; that of the widest model if the PLC must be
   /// asked for its model. nullptr if protocol, model or options are wrong.
   std::shared_ptr<const Codec> codec_;
-  /// Codecs of all models if the one in the file is wrong; see by_any_model().
+  /// Codecs of all models, the widest first, if the one in the file is wrong; see by_any_model().
   std::vector<std::shared_ptr<const Codec>> models_;
   NameTable groups_;
   NameTable tags_;
@@ -285,23 +285,28 @@ void DeviceReader::make_codec() {
   device_.codec = made->codec;
   device_.options = made->options;
   codec_ = widest_of(protocol, made->codec);
-  if (!model) models_ = shared_.models_of(protocol, *made->codec);
+  if (!model) {
+    models_ = shared_.models_of(protocol, *made->codec);
+    models_.insert(models_.begin(), codec_);
+  }
 
   if (const auto* bytes = option<std::int64_t>(options, "max_block_bytes"))
     device_.max_block_bytes = static_cast<std::uint32_t>(*bytes);
 }
 
 /// Returns judge() of the device's addresses. If the model in the file is wrong, returns an error
-/// only if every model has one; otherwise continues with the codec of a model that has none.
+/// only if every model has one, and then that of the widest model; otherwise continues with the
+/// codec of a model that has none.
 template <class Judge>
 auto DeviceReader::by_any_model(Judge judge) {
   auto result = judge(codec_->addresses());
-  for (auto model = models_.begin(); !result && model != models_.end(); ++model) {
-    auto other = judge((*model)->addresses());
-    if (!other) continue;
-    codec_ = *model;
-    ways_.clear();
-    result = std::move(other);
+  for (std::size_t i = 0; !result && i < models_.size(); ++i) {
+    auto other = judge(models_[i]->addresses());
+    if (other) {
+      codec_ = models_[i];
+      ways_.clear();
+    }
+    if (other || i == 0) result = std::move(other);
   }
   return result;
 }
@@ -463,13 +468,8 @@ bool DeviceReader::read_place(const ConfigNode& node, TagConfig& tag) {
   const auto text = reader_.text(node, config_key("devices[].tags[].address"));
   bool good = text.has_value() && (given == nullptr || type);
   if (text && codec_ != nullptr) {
-    const auto address = by_any_model([&](const AddressSpace& addresses) {
-      auto found = addresses.parse_address(*text, type);
-      const bool is_only_model = models_.empty();  // then check_exists() judges the whole span
-      if (!found || is_only_model) return found;
-      if (const auto exists = addresses.check_range(found->span); !exists) found = fail(exists);
-      return found;
-    });
+    const auto address = by_any_model(
+        [&](const AddressSpace& addresses) { return addresses.parse_address(*text, type); });
     if (!address) {
       reader_.error(*node.find("address"), address.error().text);
       good = false;
@@ -539,14 +539,18 @@ void DeviceReader::check_span(const ConfigNode& node, const TagConfig& tag) {
   const ConfigNode& access = *node.find("access");
   if (!tag.point.address.writable)
     reader_.error(access, tag.point.address.text + " can only be read");
-  else if (const auto allowed = codec_->addresses().check_write(*span); !allowed)
+  else if (const auto allowed = by_any_model(
+               [&](const AddressSpace& addresses) { return addresses.check_write(*span); });
+           !allowed)
     reader_.error(access, "cannot be written: " + allowed.error().text);
 }
 
 void DeviceReader::check_exists(const ConfigNode& address, const Span& span) {
+  const auto exists =
+      by_any_model([&](const AddressSpace& addresses) { return addresses.check_range(span); });
   const auto [entry, fresh] = ways_.try_emplace(span.space);
   if (fresh) entry->second = codec_->addresses().read_ways(span.space);
-  if (const auto exists = codec_->addresses().check_range(span); !exists) {
+  if (!exists) {
     reader_.error(address, exists.error().text);
     return;
   }

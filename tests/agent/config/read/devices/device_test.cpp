@@ -345,6 +345,31 @@ TEST(ConfigDevice, AWrongModelBringsNoFaultThatOnlySomeModelsHave) {
             (Places{"model", "tags/4/address"}));
 }
 
+TEST(ConfigDevice, AWrongModelBringsNoFaultOfThePartOfAValueThatOnlySomeModelsHave) {
+  auto plant = small_plant();
+  plant["devices"][1]["protocol"] = "mc-3e";
+  plant["devices"][1]["model"] = "q06";
+  plant["devices"][1]["tags"] = {{{"name", "in"}, {"address", "X10"}},
+                                 {{"name", "two"}, {"address", "D7999"}, {"count", 2}}};
+  expect_error(plant.dump(1), "/devices/1/model", {"did you mean Q?"});
+}
+
+TEST(ConfigDevice, AWrongModelGivesOneTextWhateverTheOtherTagsAre) {
+  std::string first;
+  for (const char* other : {"D100", "X1F"}) {
+    auto plant = small_plant();
+    plant["devices"][1]["protocol"] = "mc-3e";
+    plant["devices"][1]["model"] = "FX9";
+    plant["devices"][1]["tags"] = {{{"name", "other"}, {"address", other}},
+                                   {{"name", "far"}, {"address", "D99999999"}}};
+    const auto errors = errors_of(plant.dump(1));
+    ASSERT_EQ(errors.size(), 2U) << listed(errors);
+    EXPECT_EQ(errors[1].pointer, "/devices/1/tags/1/address");
+    if (first.empty()) first = errors[1].text;
+    EXPECT_EQ(errors[1].text, first) << other;
+  }
+}
+
 TEST(ConfigDevice, AWrongOptionHidesNoFaultOfTheTags) {
   EXPECT_EQ(faulty_places("mc-3e", R"("model": "Q", "monitoring_timer_ms": 300)", {"X1F", "X1G"}),
             (Places{"monitoring_timer_ms", "tags/1/address"}));
