@@ -15,6 +15,7 @@ void Findings::add(std::uint32_t offset, const ConfigNode& at, std::string text,
     list_.push_back({offset, pointer_to(at), std::move(text), of_key});
     return;
   }
+  if (!by_entry_.empty() && by_entry_.begin()->first.second != origin->entry) by_entry_.clear();
   auto known = by_entry_.try_emplace({offset, origin->entry}, list_.size()).first;
   if (known->second == list_.size()) {
     const auto [same, fresh] = by_text_.try_emplace({offset, text}, list_.size());

@@ -32,7 +32,7 @@ class Findings {
   static constexpr std::size_t kMost = 1000;
 
   /// Adds a finding. `origin` is nullptr if it belongs to no device with a DeviceOrigin. `device`
-  /// differs from device to device.
+  /// differs from device to device. The devices of an entry must come one after the other.
   void add(std::uint32_t offset, const ConfigNode& at, std::string text, const DeviceOrigin* origin,
            std::uint32_t device);
 
@@ -68,7 +68,8 @@ class Findings {
   std::size_t unlisted_ = 0;
   std::vector<bool> left_out_;  ///< by offset: a finding of a DeviceOrigin is counted
   // Index in list_ of the first finding at an offset: by its entry, and by its text.
-  std::map<std::pair<std::uint32_t, const ConfigNode*>, std::size_t> by_entry_;
+  std::map<std::pair<std::uint32_t, const ConfigNode*>, std::size_t>
+      by_entry_;  ///< of the last one
   std::map<std::pair<std::uint32_t, std::string>, std::size_t> by_text_;
 };
 
