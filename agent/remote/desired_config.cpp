@@ -194,7 +194,7 @@ class Merger {
   void refuse_variables(const Json& value, const std::string& pointer) {
     if (value.is_string() && names_variable(value.get_ref<const std::string&>())) {
       // Replace the text, so that no error shows whether the variable exists.
-      next_[Json::json_pointer(pointer)] = "variable";
+      next_[Json::json_pointer(pointer)] = "";
       replaced_.insert(shown(pointer, pointer.npos));
       return error(pointer,
                    "a remote config cannot use environment variables, which may hold secrets; for "
@@ -244,6 +244,24 @@ std::string without_lines(std::string text) {
   return text;
 }
 
+/// Adds the errors of the merged text, without those of `replaced`.
+void add_parser_errors(ErrorList& errors, ConfigErrors found,
+                       const std::set<std::string>& replaced) {
+  std::set<std::string> unseen = replaced;
+  std::size_t unlisted = 0;
+  for (ConfigError& error : found) {
+    unlisted += error.unlisted;
+    const bool is_of_variable = !error.of_key && replaced.contains(error.pointer);
+    if (is_of_variable) unseen.erase(error.pointer);
+    if (is_of_variable || error.unlisted > 0) continue;
+    error.line = 0;
+    error.text = without_lines(std::move(error.text));
+    errors.add(std::move(error));
+  }
+  // Each other replaced text has an error among the unlisted ones.
+  if (unlisted > unseen.size()) errors.add(unlisted_error(unlisted - unseen.size()));
+}
+
 }  // namespace
 
 ReadDesired read_desired(std::string_view payload) {
@@ -278,12 +296,7 @@ tl::expected<Config, ConfigErrors> effective_config(std::string_view local_text,
       Merger(std::move(file), parsed_json(desired.text), local.remote).run();
   auto config = parse(text);
   if (!config) {
-    for (ConfigError& error : config.error()) {
-      if (!error.of_key && replaced.contains(error.pointer)) continue;
-      error.line = 0;
-      error.text = without_lines(std::move(error.text));
-      errors.add(std::move(error));
-    }
+    add_parser_errors(errors, std::move(config.error()), replaced);
   } else if (replaced.empty()) {
     errors.add(beyond_limits(local, *config, stop));
   }

@@ -1,5 +1,6 @@
 #include "agent/remote/desired_config.h"
 #include "agent/config/loader.h"
+#include "agent/config/read/findings.h"
 
 #include <gtest/gtest.h>
 
@@ -251,6 +252,28 @@ TEST(MergedConfig, AVariableIsTheOnlyErrorOfItsPlace) {
   const auto errors = errors_of(local_plant(), config_of({{"links", links}}));
   ASSERT_EQ(errors.size(), 1u) << listed(errors);
   EXPECT_EQ(errors[0].pointer, "/links/1/tcp/host");
+}
+
+TEST(MergedConfig, AVariableAsANameOfALinkIsNoUnknownLink) {
+  json links = local_plant()["links"];
+  links[0]["name"] = "${HOME}";
+  expect_error(errors_of(local_plant(), config_of({{"links", links}})), "/links/0/name",
+               {"environment variable"});
+}
+
+TEST(MergedConfig, VariablesAreCountedOnceAmongTheErrorsThatAreNotListed) {
+  json device = local_plant()["devices"][0];
+  device["tags"] = json::array();
+  for (std::size_t i = 0; i < Findings::kMost + 500; ++i)
+    device["tags"].push_back({{"name", "t" + std::to_string(i)}, {"address", "${HOME}"}});
+  const auto count = [&] {
+    return errors_of(local_plant(), config_of({{"devices", {device, local_plant()["devices"][1]}}}))
+        .front()
+        .unlisted;
+  };
+  EXPECT_EQ(count(), 500U);
+  for (std::size_t i = 1; i < device["tags"].size(); ++i) device["tags"][i]["address"] = "D1G";
+  EXPECT_EQ(count(), 500U);
 }
 
 TEST(MergedConfig, AnUnknownKeyWithAVariableIsBothErrors) {
