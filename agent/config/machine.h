@@ -10,8 +10,7 @@ namespace fxagent {
 
 /// Returns the resources of the config that this machine lacks: certificates and password files
 /// that cannot be read, a password variable that is not set, a store or recorder that cannot be
-/// written.
-/// Pointers are those of the file; lines are 0. Changes nothing on disk.
+/// written. Pointers are those of the file; lines are 0. Changes nothing on disk.
 ConfigErrors check_files(const Config& config);
 
 /// Returns the password and key files that too many users can read: all users, or the group of a
