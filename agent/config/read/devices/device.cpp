@@ -335,7 +335,7 @@ void DeviceReader::outlast_device() {
   const ConfigNode* given = node_.find("timeout_ms");
   if (given == nullptr)
     device_.timeout += own;
-  else if (device_.timeout < device_.turnaround)
+  else if (node_.find("turnaround_ms") != nullptr && device_.timeout < device_.turnaround)
     reader_.warn(*given, "timeout_ms is shorter than turnaround_ms, the " +
                              std::to_string(device_.turnaround.count()) +
                              " ms that the device may need before it answers: make timeout_ms "
@@ -436,7 +436,7 @@ void DeviceReader::warn_of_tags() {
                                    "or max_block_bytes larger");
   if (idle_deadbands_.count > 0)
     reader_.warn(*idle_deadbands_.first,
-                 "has no effect" + idle_deadbands_.others() +
+                 "does not hold back a sample" + idle_deadbands_.others() +
                      ": the group publishes every poll. Set its \"publish\" to \"on_change\"");
 }
 

@@ -100,9 +100,10 @@ TEST(ConfigWarnings, DeadbandLargerThanTheRangeIsNeverReached) {
   EXPECT_EQ(of_deadband(R"("type": "float32", "deadband": 1e9)"), "");
 }
 
-TEST(ConfigWarnings, DeadbandInAGroupThatPublishesEveryPollHasNoEffect) {
+TEST(ConfigWarnings, DeadbandInAGroupThatPublishesEveryPollHoldsNothingBack) {
   EXPECT_EQ(of_tag(R"("deadband": 5)"),
-            "has no effect: the group publishes every poll. Set its \"publish\" to \"on_change\"");
+            "does not hold back a sample: the group publishes every poll. Set its \"publish\" to "
+            "\"on_change\"");
   auto plant = small_plant();
   plant["devices"][0]["tags"] = nlohmann::json::parse(R"([
     {"name": "a", "address": "D1", "deadband": 1}, {"name": "b", "address": "D2"},
@@ -112,19 +113,22 @@ TEST(ConfigWarnings, DeadbandInAGroupThatPublishesEveryPollHasNoEffect) {
   const auto list = warnings_of(plant.dump(1));
   ASSERT_EQ(list.size(), 1U);
   EXPECT_TRUE(list[0].starts_with("/devices/0/tags/0/deadband (line ")) << list[0];
-  expect_says(list[0], "has no effect, and 1 other tag of this device, too");
+  expect_says(list[0], "does not hold back a sample, and 1 other tag of this device, too");
 }
 
 TEST(ConfigWarnings, TimeoutShorterThanTheTurnaroundIsTooShortForAnyAnswer) {
-  const auto of_device = [](const std::string& pointer, const std::string& value) {
-    const auto list = warnings_of(changed(pointer, value));
+  const auto of_device = [](const nlohmann::json& keys) {
+    auto plant = small_plant();
+    plant["devices"][0].update(keys);
+    const auto list = warnings_of(plant.dump(1));
     return list.empty() ? "" : list[0];
   };
-  EXPECT_EQ(of_device("/devices/0/timeout_ms", "30"), "");
-  const auto found = of_device("/devices/0/timeout_ms", "29");
+  EXPECT_EQ(of_device({{"timeout_ms", 40}, {"turnaround_ms", 40}}), "");
+  const auto found = of_device({{"timeout_ms", 39}, {"turnaround_ms", 40}});
   EXPECT_TRUE(found.starts_with("/devices/0/timeout_ms (line ")) << found;
-  expect_says(found, "shorter than turnaround_ms, the 30 ms that the device may need");
-  EXPECT_EQ(of_device("/devices/0/turnaround_ms", "5000"), "") << "timeout_ms is not given";
+  expect_says(found, "shorter than turnaround_ms, the 40 ms that the device may need");
+  EXPECT_EQ(of_device({{"turnaround_ms", 5000}}), "") << "timeout_ms is not given";
+  EXPECT_EQ(of_device({{"timeout_ms", 20}}), "") << "the 30 ms are only a default";
 }
 
 TEST(ConfigWarnings, LimitsOfATagWithErrorsAreLeftAlone) {
