@@ -193,6 +193,7 @@ void Publisher::take_relayed(RelayedCommand command, SteadyTime now) {
   // The broker may be away for days: results must not fill the memory. Nor must relayed commands,
   // which other brokers send without our flow control.
   if (results_.is_full() || intake_.is_full()) {
+    commands_.results().count(CommandStatus::rejected);
     if (!command.reply)
       return log::error("command_refused",
                         {{"device", command.device},
@@ -203,7 +204,6 @@ void Publisher::take_relayed(RelayedCommand command, SteadyTime now) {
     CommandResult result = result_of(refused);
     set_outcome(result, CommandStatus::rejected, Reason::queue_full,
                 "too many commands and results wait; nothing was sent");
-    commands_.results().count(result.status);
     return command.reply(with_total(result_text(result), now - command.received));
   }
   Message message{std::move(static_cast<MessageProperties&>(command)),

@@ -68,7 +68,7 @@ TEST_F(ResultDeliveryOnlineTest, CommandForWhatNoDeviceCanBeIsAnsweredAndNotPubl
   EXPECT_EQ(bench.broker.log[0].topic, kBase + "/press9/result");
 }
 
-TEST_F(ResultDeliveryOnlineTest, CommandOfThePageRefusedForLackOfRoomHasItsTimesAndIsCounted) {
+TEST_F(ResultDeliveryOnlineTest, CommandRefusedForLackOfRoomHasItsTimesAndIsCounted) {
   bench.broker.acknowledges = false;
   for (int i = 0; i < 200; ++i) bench.outbox.push(test::succeeded(std::to_string(i)));
   bench.settle();
@@ -83,6 +83,10 @@ TEST_F(ResultDeliveryOnlineTest, CommandOfThePageRefusedForLackOfRoomHasItsTimes
   EXPECT_EQ(result["t"]["received"], bench.utc());
   EXPECT_EQ(result["t"]["total_ms"], 0);
   EXPECT_EQ(bench.commands->results().counts().at(CommandStatus::rejected), 1U);
+  RelayedCommand without_reply;
+  without_reply.device = "press1";
+  bench.made().take_relayed(std::move(without_reply), bench.now);
+  EXPECT_EQ(bench.commands->results().counts().at(CommandStatus::rejected), 2U);
 }
 
 TEST_F(ResultDeliveryOnlineTest, EveryWaitingResultGoesToItsResponseTopic) {
