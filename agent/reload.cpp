@@ -299,14 +299,17 @@ void Reload::say(const std::string& state, const ConfigErrors& errors) {
   ConfigStatus::Reload reload;
   reload.state = state;
   reload.ts_ms = utc_now_ms();
-  reload.errors_in_all = errors.size();
+  const std::size_t unlisted = errors.empty() ? 0 : errors.front().unlisted;
+  reload.errors_in_all = errors.size() + unlisted - (unlisted > 0 ? 1 : 0);
   for (std::size_t i = 0; i < std::min(errors.size(), kErrorsInHealth); ++i)
     reload.errors.push_back(to_string(errors[i], path_));
-  const std::string more =
-      errors.size() > 1 ? " (and " + std::to_string(errors.size() - 1) + " more)" : "";
+  const std::string more = reload.errors_in_all > 1
+                               ? " (and " + std::to_string(reload.errors_in_all - 1) + " more)"
+                               : "";
+  const std::size_t first = unlisted > 0 && errors.size() > 1 ? 1 : 0;  // after the number
   service_manager::notify_status(
       errors.empty() ? "reload: config " + state + ", " + status_.hash
-                     : "reload rejected, nothing changed: " + reload.errors.front() + more);
+                     : "reload rejected, nothing changed: " + reload.errors[first] + more);
   status_.last_reload = std::move(reload);
   publish_status();
 }
@@ -342,6 +345,7 @@ std::string Reload::audit_record() const {
   receipt.desired_hash = report.desired.hash;
   receipt.hash = status_.hash;
   for (const ConfigError& error : report.errors) receipt.errors.push_back(text_of(error));
+  receipt.errors_in_all = report.errors_in_all;
   return audit::config(receipt, running_->base_topic() + std::string(kDesiredTopic), utc_now_ms());
 }
 

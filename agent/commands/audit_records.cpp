@@ -103,7 +103,7 @@ std::string config(const ConfigReceipt& receipt, std::string_view topic, std::in
     if (errors.size() == kErrorsKept) break;
     errors.push_back(kept(error));
   }
-  body["errors_in_all"] = receipt.errors.size();
+  body["errors_in_all"] = receipt.errors_in_all;
   return dumped(body);
 }
 

@@ -52,6 +52,7 @@ struct ConfigReceipt {
   std::string desired_hash;  ///< of the document; empty: it was withdrawn
   std::string hash;          ///< of the config in force afterwards
   std::vector<std::string> errors;
+  std::size_t errors_in_all = 0;  ///< as reported; `errors` may have fewer
 };
 /// Number of errors kept.
 inline constexpr std::size_t kErrorsKept = 16;

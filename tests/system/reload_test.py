@@ -151,6 +151,9 @@ class Reload(ReloadTest):
         many = self.reload(wrong)["last_reload"]
         self.assertEqual((len(many["errors"]), many["errors_in_all"]),
                          (10, said["last_reload"]["errors_in_all"] + 20))
+        for n in range(20, 3000):
+            wrong["devices"][0][f"key{n}"] = 7
+        self.assertEqual(self.reload(wrong)["last_reload"]["errors_in_all"], said["last_reload"]["errors_in_all"] + 3000)
         said = self.reload("{")
         self.assertEqual(said["last_reload"]["state"], "rejected")
         os.remove(self.agent.path)

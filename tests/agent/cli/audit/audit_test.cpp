@@ -285,17 +285,18 @@ TEST(AuditReport, RemoteConfigHasALine) {
                         .state = "rejected",
                         .desired_hash = "2dabccfd753b3d60",
                         .hash = "0f3a",
-                        .errors = {"/links: differs", "two", "three"}};
+                        .errors = {"/links: differs", "two", "three"},
+                        .errors_in_all = 300};
   report.add(seal(head, config(receipt, "fx/edge7/config/desired", kNow)));
-  report.add(seal(head, config({"", "", "applied", "", "0f3b", {}}, "t", kNow + 1)));
+  report.add(seal(head, config({"", "", "applied", "", "0f3b", {}, 0}, "t", kNow + 1)));
   const auto lines = report.take();
   ASSERT_EQ(lines.size(), 2U);
   test::expect_says(lines[0].text,
-                    " by \"ann\": rejected: /links: differs (and 2 more) | in force 0f3a");
+                    " by \"ann\": rejected: /links: differs (and 299 more) | in force 0f3a");
   EXPECT_EQ(lines[0].text.find('\x1b'), std::string::npos);
   test::expect_says(lines[1].text, "config withdrawn: applied | in force 0f3b");
   const auto said = nlohmann::json::parse(lines[0].json);
-  EXPECT_EQ(said["errors_in_all"], 3);
+  EXPECT_EQ(said["errors_in_all"], 300);
   EXPECT_EQ(said["topic"], "fx/edge7/config/desired");
 }
 
