@@ -318,8 +318,9 @@ inline constexpr auto kWritten = std::to_array<ConfigKey>({
      "Time that a reply may take beyond the expected line time. If this key is missing and the "
      "protocol has a monitoring timer, the agent adds that timer."},
     {"devices[]", "retries", integer, {0, 10}, 2,
-     "Number of repeats of a read in the same poll, after a bad frame or a temporary refusal. "
-     "After `retries` + 1 unanswered exchanges in a row the device is `offline`."},
+     "Number of repeats of a read in the same poll, after a bad frame or a temporary refusal, "
+     "not after silence. The device is `offline` after `retries` + 1 unanswered exchanges in a row "
+     "(one, if it has not answered since the start)."},
     {"devices[]", "gap_ms", integer, kMilliseconds, 0, "Silence before a request."},
     {"devices[]", "turnaround_ms", integer, kMilliseconds, 30,
      "Time that the device needs before it answers, for `plan` and the bound of commands. The "
