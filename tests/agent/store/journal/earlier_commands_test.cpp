@@ -64,6 +64,12 @@ TEST_F(EarlierCommandsTest, GetTheirResultsWhenTheDatabaseOpens) {
   EXPECT_EQ(late->unacknowledged.size(), 2U);
 }
 
+TEST_F(EarlierCommandsTest, OfAnotherAgentAreNotRead) {
+  Store second(shelf.config, kNow);
+  EXPECT_EQ(second.state(), "memory");
+  EXPECT_TRUE(second.journal().known_ids().empty());
+}
+
 TEST_F(EarlierCommandsTest, ThatTheDatabaseRefusedAreKnown) {
   full.emplace(4096);
   shelf.journal(shelf.arrived("refused"));
