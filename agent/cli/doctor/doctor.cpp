@@ -139,15 +139,17 @@ void judge_unnamed_model(ExaminedDevice& examined, Diagnosis& diagnosis) {
   const std::shared_ptr<const Codec> configured = examined.codec;
   std::vector<std::string_view> models;
   for (const std::string_view model : examined.device.protocol->models) {
+    if (model != "Q" && model != "L") continue;  // any other would report itself
     const auto codec = configured->plc()->with_model(model);
     if (answer_to(codec) != ProbeAnswer::Kind::data) continue;
     models.push_back(model);
     examined.codec = codec;
   }
+  const std::string wrong = configured->plc()->model();
   if (!models.empty())
     diagnosis.fault(kDiffers, "it answers only as one of " + joined(models, " ") +
-                                  ": set model to what it is, in place of " +
-                                  configured->plc()->model());
+                                  ": set model to what it is" +
+                                  (wrong.empty() ? "" : ", in place of " + wrong));
 }
 
 /// Sets the codec to that of the model which the device has.
