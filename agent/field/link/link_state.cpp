@@ -317,7 +317,7 @@ void LinkState::unanswered(LinkDevice& device, PolledDevice::AskedBy by) {
 }
 
 void LinkState::update(LinkDevice& device) {
-  if (!was_open_ && !was_down_ && !is_yielded()) return;
+  if (!was_open_ && why_down_.empty() && !is_yielded()) return;
   DeviceState::Facts facts;
   facts.yielded = yielded_;
   facts.silent = is_silent(link_, device);

@@ -416,6 +416,9 @@ TEST_F(LinkStateTest, DeviceOfALinkThatWasNotOpenedYetIsNotOffline) {
   EXPECT_TRUE(told().empty());
   link->yielded("until 12:00");
   EXPECT_EQ(told().at(0).state, State::yielded);
+  link->taken_back();
+  link->update(*devices[0]);
+  EXPECT_TRUE(told().empty()) << "it is yielded until the link opens, or fails to";
 }
 
 TEST_F(LinkStateTest, UdpPortWhereNobodyAnswersIsLeft) {
