@@ -265,7 +265,7 @@ class StoreLife(PlantTest):
         self.assertEqual(self.agent.stop(), 0)
         wait_for("the second to run", lambda: "agent state=starting" in second.logged())
         _, errors = ends(1, "run", second.path)
-        self.assertIn(f"cannot start: {self.store['path']} is in use by a running agent "
+        self.assertIn(f"cannot start: {self.store['path']} is in use by a running fxagent "
                       f"(fxagent, pid {second.process.pid}): stop it", errors)
         self.assertNotIn("agent state=starting", errors)
 

@@ -116,8 +116,9 @@ std::optional<int> note_running_agent(const std::string& path) {
   for (const CalledProcess& agent : processes_called("fxagent", "run")) {
     if (!is_called_with(agent.pid, path)) continue;
     std::cerr << "note: fxagent, pid " << agent.pid
-              << ", runs this config. It holds its serial ports, and a network device may accept "
-                 "only one connection. Stop it first, or ask it over MQTT: fxagent check --online "
+              << ", runs this config. It holds each serial port of the config, and a network "
+                 "device may accept only one connection. Stop it first, or ask it over MQTT: "
+                 "fxagent check --online "
               << path << " prints a command for it\n";
     return agent.pid;
   }

@@ -140,7 +140,7 @@ DirectoryLock::DirectoryLock(const std::string& directory, milliseconds patience
 
 std::string in_use(const std::string& directory, const std::string& locked) {
   const auto holder = file_holder(locked);
-  return directory + " is in use by a running agent" +
+  return directory + " is in use by a running fxagent" +
          (holder ? " (" + holder->text() + ")" : std::string()) +
          ": stop it, or give each agent its own directory";
 }

@@ -59,7 +59,7 @@ std::string fault_of_system(const std::string& what);
 /// Returns false, with errno set, if part of `data` was not written.
 bool write_at(int handle, const void* data, std::size_t size, std::size_t at);
 
-/// Returns that a running agent, by its process id if it can be found, has locked `locked`, which
+/// Returns that a running fxagent, by its process id if it can be found, has locked `locked`, which
 /// is the directory or a file in it, and what to do.
 std::string in_use(const std::string& directory, const std::string& locked);
 

@@ -122,7 +122,7 @@ TEST_F(RecordingFilesTest, TheWriterIsFoundWhileItRunsAndKeepsOthersAway) {
   EXPECT_EQ(well, 'y');
   EXPECT_EQ(writer_of(directory), child);
   RecordingFiles second(directory, 3, 1000);
-  EXPECT_NE(second.begin().find("in use by a running agent"), std::string::npos);
+  EXPECT_NE(second.begin().find("in use by a running fxagent"), std::string::npos);
   std::string path;
   EXPECT_NE(second.write("line1", 1, "a", path), "") << "it does not delete the first's files";
   ::close(over[1]);

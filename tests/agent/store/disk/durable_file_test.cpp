@@ -121,7 +121,7 @@ TEST_F(DurableFileTest, OneProcessOfTwoHasTheLock) {
   DurableFile second(scratch.path("store"), "kept.json");
   EXPECT_EQ(first->lock(), "");
   EXPECT_EQ(first->lock(), "");
-  EXPECT_NE(second.lock().find("in use by a running agent"), std::string::npos) << second.lock();
+  EXPECT_NE(second.lock().find("in use by a running fxagent"), std::string::npos) << second.lock();
   first.reset();
   EXPECT_EQ(second.lock(), "");
 }
