@@ -27,6 +27,7 @@
 #include "agent/reload.h"
 #include "agent/remote/remote_config.h"
 #include "agent/steady_time.h"
+#include "agent/store/store.h"
 
 namespace fxagent {
 namespace {
@@ -112,20 +113,25 @@ int run_until_stopped(const std::string& path, const RunQuestion& what) {
   std::signal(SIGHUP, SIG_DFL);  // an ignored signal would not stay pending
   StopWatchdog watchdog;
   const log::InBackground background;
-  RemoteConfig remote(path, trial_time(), boot_id());
-  auto config = started_config(remote, path);
-  if (!config) return kWrong;
-  const auto traced = traced_links(*config, what, remote);
-  if (!traced) return kWrong;
-  // Each profile may have a store of its own, and a pair has a thread.
-  const int more =
-      kThreadsOfAStore * static_cast<int>(config->profiles.size()) + (config->pair ? 1 : 0);
-  if (const std::string missing = lacks(more, 0); more > 0 && !missing.empty())
-    throw std::runtime_error("cannot start the profiles or the pair: " + missing);
-  malloc_trim(0);  // returns the memory that a large file took
-  log_warnings(*config);
   try {
-    run_agent(std::move(*config), path, remote, watchdog, *traced);
+    std::optional<RemoteConfig> remote;
+    std::optional<Config> config;
+    // Another agent with this store may change the kept remote config until it ends.
+    do {
+      remote.emplace(path, trial_time(), boot_id());
+      config = started_config(*remote, path);
+      if (!config) return kWrong;
+    } while (!config->store.path.empty() && await_other_agent(config->store));
+    const auto traced = traced_links(*config, what, *remote);
+    if (!traced) return kWrong;
+    // Each profile may have a store of its own, and a pair has a thread.
+    const int more =
+        kThreadsOfAStore * static_cast<int>(config->profiles.size()) + (config->pair ? 1 : 0);
+    if (const std::string missing = lacks(more, 0); more > 0 && !missing.empty())
+      throw std::runtime_error("cannot start the profiles or the pair: " + missing);
+    malloc_trim(0);  // returns the memory that a large file took
+    log_warnings(*config);
+    run_agent(std::move(*config), path, *remote, watchdog, *traced);
   } catch (const std::exception& error) {
     log::say(log::Level::error, "agent", std::string("fxagent: ") + error.what());
     return 1;

@@ -14,12 +14,20 @@ using std::chrono::seconds;
 constexpr milliseconds kFlushEvery{200};
 constexpr std::size_t kRemovedAtOnce = 200;  // takes about 1 ms, which live samples can wait
 constexpr seconds kCleanUpEvery{60};
+constexpr milliseconds kJustEnds{500};
+
+/// A second agent of the same config would also share links and client id with the first one. Other
+/// faults of the lock are left to StoreDisk::open().
+void lock_or_throw(StoreDisk& disk, milliseconds patience) {
+  if (const std::string why = disk.lock(patience); disk.is_in_use())
+    throw std::runtime_error("cannot start: " + why);
+}
 
 }  // namespace
 
-Store::Store(const StoreConfig& config, std::int64_t utc_ms, milliseconds patience)
+Store::Store(const StoreConfig& config, std::int64_t utc_ms)
     : config_(config), disk_(config, utc_ms) {
-  await_other_process(patience);
+  lock_or_throw(disk_, kJustEnds);
   // Waiting audit records are older than waiting commands, and are written before them.
   disk_.set_parts({&samples_, &audit_, &journal_, &numbers_});
   disk_.open();
@@ -37,14 +45,13 @@ Store::Store(const StoreConfig& config, std::int64_t utc_ms, milliseconds patien
                         {"bytes", std::to_string(samples_.streams().bytes())}});
 }
 
-/// A second agent of the same config would also share links and client id with the first one. Other
-/// faults of the lock are left to StoreDisk::open().
-void Store::await_other_process(milliseconds patience) {
-  const std::string why = disk_.lock(milliseconds(0));
-  if (!disk_.is_in_use()) return;
+bool await_other_agent(const StoreConfig& config, milliseconds patience) {
+  StoreDisk disk(config, 0);
+  const std::string why = disk.lock(milliseconds(0));
+  if (!disk.is_in_use()) return false;
   log::info("store", {{"state", "waiting"}, {"reason", why}});
-  if (const std::string still = disk_.lock(patience); disk_.is_in_use())
-    throw std::runtime_error("cannot start: " + still);
+  lock_or_throw(disk, patience);
+  return true;
 }
 
 /// Opens a file that was missing at the start or in use by another agent. Reads it before this

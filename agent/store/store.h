@@ -36,14 +36,11 @@ class Store final {
  public:
   using Hold = StoredSamples::Hold;
   static constexpr std::chrono::seconds kTryAgain{10};
-  /// An agent that is being stopped ends within 9 s (StopWatchdog::kPatience).
-  static constexpr std::chrono::seconds kOtherEnds{10};
 
   /// Opens or creates the directory `config.path` and the file in it. Sets a damaged file aside as
   /// fxagent.db.corrupt-<utc_ms>. Does not throw on disk errors: see state(). Throws
-  /// std::runtime_error if another process uses the directory and goes on for `patience`.
-  Store(const StoreConfig& config, std::int64_t utc_ms,
-        std::chrono::milliseconds patience = kOtherEnds);
+  /// std::runtime_error if another process uses the directory: call await_other_agent() before.
+  Store(const StoreConfig& config, std::int64_t utc_ms);
   Store(const Store&) = delete;
   Store& operator=(const Store&) = delete;
 
@@ -90,7 +87,6 @@ class Store final {
   std::optional<FoundLate> take_found_late() { return std::exchange(found_late_, std::nullopt); }
 
  private:
-  void await_other_process(std::chrono::milliseconds patience);
   bool is_flush_due(SteadyTime now) const;
   bool try_the_disk(SteadyTime now);
   void open_late();
@@ -111,6 +107,13 @@ class Store final {
   SteadyTime clean_up_at_{};
   std::optional<FoundLate> found_late_;
 };
+
+/// Waits for another process that uses the directory `config.path`. Returns false if there is none,
+/// true if it has ended: what was read from the directory before may be out of date. Throws
+/// std::runtime_error if it goes on for `patience`. An agent that is being stopped ends within 9 s
+/// (StopWatchdog::kPatience).
+bool await_other_agent(const StoreConfig& config,
+                       std::chrono::milliseconds patience = std::chrono::seconds(10));
 
 /// Returns the number before the first sample of each device, by index in Config::devices. If
 /// `store` is null, numbers start at the clock, above every number of an earlier boot unless it was

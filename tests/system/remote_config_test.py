@@ -8,7 +8,7 @@ import signal
 import time
 import unittest
 
-from plant import BASE, MEMORY_FACTOR, PATIENCE, Watcher, ends, memory_kib, tcp_link, wait_for
+from plant import BASE, MEMORY_FACTOR, PATIENCE, Agent, Watcher, ends, memory_kib, tcp_link, wait_for
 from reload_test import ReloadTest, modbus
 
 FXAGENT_CRASHING = os.environ["FXAGENT_CRASHING"]
@@ -56,6 +56,22 @@ class RemoteConfig(ReloadTest):
     def audit(self):
         said, _ = ends(0, "audit", self.agent.path, "--json")
         return [json.loads(line) for line in said.splitlines() if '"kind":"config"' in line]
+
+    def test_a_second_agent_that_waited_goes_on_with_the_trial(self):
+        config = self.begin_remote(trial_ms=60_000)
+        self.desire("v1", {"devices": config["devices"] + [reading("m2", "a", 2)]})
+        self.report("applied", "v1", confirmed=False)
+        directory = os.path.join(self.directory, "second")
+        os.mkdir(directory)
+        second = Agent(directory, config)
+        second.start(FXAGENT_CRASHING, {"FXAGENT_TRIAL_MS": "60000"})
+        self.stack.callback(second.stop)
+        wait_for("the second to wait", lambda: "store state=waiting" in second.logged())
+        since = self.watcher.mark()
+        self.agent.stop()
+        wait_for("the second to run", lambda: "agent state=starting" in second.logged())
+        self.report("applied", "v1", since, confirmed=False)
+        self.assertNotIn("could not be saved", second.logged())
 
     def test_a_right_one_is_applied_and_a_wrong_one_told_every_error(self):
         config = self.begin_remote()

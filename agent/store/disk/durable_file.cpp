@@ -1,17 +1,24 @@
 #include "agent/store/disk/durable_file.h"
 
 #include <fcntl.h>
-#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <array>
 #include <cerrno>
+#include <chrono>
 #include <utility>
 
 #include "agent/store/disk/store_file.h"
 
 namespace fxagent {
+namespace {
+
+/// An agent that is just ending releases its store a moment before this lock.
+constexpr std::chrono::milliseconds kOtherEnds{500};
+
+}  // namespace
+
 DurableFile::DurableFile(std::string directory, const std::string& name)
     : directory_(std::move(directory)), path_(directory_ + "/" + name) {}
 
@@ -23,7 +30,7 @@ std::string DurableFile::lock() {
   if (std::string fault = make_store_directory(directory_); !fault.empty()) return fault;
   FileHandle handle(::open(directory_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (handle < 0) return fault_of_system(directory_);
-  if (::flock(handle, LOCK_EX | LOCK_NB) != 0)
+  if (!lock_within(handle, kOtherEnds))
     return errno == EWOULDBLOCK ? in_use(directory_, directory_) : fault_of_system(directory_);
   locked_ = std::move(handle);
   return {};

@@ -25,8 +25,8 @@ class DurableFile final {
   /// read. Refuses a link, another user's file, and more than `most` bytes.
   tl::expected<std::optional<std::string>, std::string> read(std::size_t most) const;
   /// Locks the directory, for the lifetime of this object, against other processes that call
-  /// lock(). Creates the directory (0700) if it does not exist. Returns empty if this object has
-  /// the lock, else the reason.
+  /// lock(). Creates the directory (0700) if it does not exist. Waits at most 500 ms for a process
+  /// that has the lock. Returns empty if this object has it, else the reason.
   std::string lock();
   /// Replaces the file and synchronises it with the disk. Creates the directory (0700) if it does
   /// not exist; the file is 0600. Returns empty on success, else the reason. After a failure the

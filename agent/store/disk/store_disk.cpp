@@ -103,7 +103,6 @@ bool StoreDisk::abandon_misplaced() {
 void StoreDisk::close() {
   if (writable_) file_->db.tryExec("PRAGMA wal_checkpoint(TRUNCATE)");
   let_go(StorePart::Rows::kept);
-  lock_.reset();
 }
 
 void StoreDisk::let_go(StorePart::Rows rows) {

@@ -105,7 +105,8 @@ class StoreDisk final {
   void try_to_write();
   /// If the open files were deleted or replaced, closes them (contents lost) and returns true.
   bool abandon_misplaced();
-  /// Clean end: copies the WAL into the file and closes it.
+  /// Clean end: copies the WAL into the file and closes it. The directory stays locked until this
+  /// object ends: a second agent starts only when the first has written its other files, too.
   void close();
 
   bool is_open() const { return file_ != nullptr; }

@@ -21,6 +21,7 @@ using std::chrono::milliseconds;
 
 constexpr milliseconds kReaderEnds{500};
 constexpr milliseconds kAskAgain{10};
+constexpr const char* kLockFile = "/fxagent.lock";
 // Passes of one checkpoint. The second is short; usually no commit has come since the first.
 constexpr int kPasses = 2;
 
@@ -119,23 +120,25 @@ std::optional<FileIdentity> identity_of(int handle) {
   return FileIdentity{found.st_dev, found.st_ino};
 }
 
+bool lock_within(int handle, milliseconds patience) {
+  const auto give_up = std::chrono::steady_clock::now() + patience;
+  while (::flock(handle, LOCK_EX | LOCK_NB) != 0) {
+    if (errno != EWOULDBLOCK || std::chrono::steady_clock::now() >= give_up) return false;
+    std::this_thread::sleep_for(kAskAgain);
+  }
+  return true;
+}
+
 DirectoryLock::DirectoryLock(const std::string& directory, milliseconds patience)
-    : path_(directory + "/fxagent.lock") {
+    : path_(directory + kLockFile) {
   handle_ = open_own(path_, fault_);
   if (handle_ < 0) {
     handle_ = open_to_read(path_);
     if (handle_ >= 0) fault_.clear();
   }
-  if (!fault_.empty()) return;
-  const auto give_up = std::chrono::steady_clock::now() + patience;
-  while (::flock(handle_, LOCK_EX | LOCK_NB) != 0) {
-    if (errno != EWOULDBLOCK || std::chrono::steady_clock::now() >= give_up) {
-      is_in_use_ = errno == EWOULDBLOCK;
-      fault_ = is_in_use_ ? in_use(directory, path_) : fault_of_system(path_);
-      return;
-    }
-    std::this_thread::sleep_for(kAskAgain);
-  }
+  if (!fault_.empty() || lock_within(handle_, patience)) return;
+  is_in_use_ = errno == EWOULDBLOCK;
+  fault_ = is_in_use_ ? in_use(directory, path_) : fault_of_system(path_);
 }
 
 std::string in_use(const std::string& directory, const std::string& locked) {

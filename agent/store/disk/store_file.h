@@ -59,6 +59,11 @@ std::string fault_of_system(const std::string& what);
 /// Returns false, with errno set, if part of `data` was not written.
 bool write_at(int handle, const void* data, std::size_t size, std::size_t at);
 
+/// Locks the open file or directory against other processes. Waits at most `patience` for a process
+/// that has the lock. Returns false, with errno set, if the lock is not ours; EWOULDBLOCK: another
+/// process has it.
+bool lock_within(int handle, std::chrono::milliseconds patience);
+
 /// Returns that a running fxagent, by its process id if it can be found, has locked `locked`, which
 /// is the directory or a file in it, and what to do.
 std::string in_use(const std::string& directory, const std::string& locked);

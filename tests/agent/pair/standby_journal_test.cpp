@@ -31,7 +31,10 @@ JournalEntry command(const std::string& id, const char* op = "write") {
 struct StandbyJournalTest : ::testing::Test {
   StandbyJournalTest() { config_.path = scratch_.path("store"); }
 
-  void stand_by() { journal_ = std::make_unique<StandbyJournal>(config_); }
+  void stand_by() {
+    journal_.reset();
+    journal_ = std::make_unique<StandbyJournal>(config_);
+  }
   /// Ends the standby. Returns the same store, as the agent opens it after a takeover.
   Store& take_over_store() {
     EXPECT_EQ(journal_->close().size(), 0U);

@@ -71,7 +71,7 @@ TEST_F(StoreFiles, LockThatWasDeletedIsTakenAnew) {
   fs::remove(in_store("fxagent.lock"));
   a_minute_later();
   ASSERT_EQ(store->state(), "disk");
-  EXPECT_THROW(Store(config, kNow, 0ms), std::runtime_error);
+  EXPECT_THROW(Store(config, kNow), std::runtime_error);
 }
 
 TEST_F(StoreFiles, WhatIsFoundInAReplacedDirectoryIsTaken) {

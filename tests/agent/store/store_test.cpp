@@ -152,8 +152,17 @@ TEST(Store, CommandsThatCouldNotBeReadAtTheStartAreFoundLater) {
 
 TEST(Store, SecondAgentDoesNotGetTheSameFile) {
   OpenShelf shelf;
-  EXPECT_THROW(Store(shelf.config, kNow, 0ms), std::runtime_error);
+  EXPECT_THROW(Store(shelf.config, kNow), std::runtime_error);
+  EXPECT_THROW(await_other_agent(shelf.config, 0ms), std::runtime_error);
   EXPECT_EQ(shelf.store->state(), "disk");
+}
+
+TEST(Store, SecondAgentDoesNotStartUntilTheFirstHasWrittenItsOtherFiles) {
+  OpenShelf shelf;
+  shelf.store->close();
+  EXPECT_THROW(await_other_agent(shelf.config, 0ms), std::runtime_error);
+  shelf.store.reset();
+  EXPECT_FALSE(await_other_agent(shelf.config, 0ms));
 }
 
 TEST(Store, SecondAgentNamesTheProcessThatHasTheStore) {
@@ -162,7 +171,7 @@ TEST(Store, SecondAgentNamesTheProcessThatHasTheStore) {
   const test::OtherProgram first(shelf.config.path + "/fxagent.lock",
                                  test::OtherProgram::Holds::locked);
   try {
-    const Store second(shelf.config, kNow, 0ms);
+    const Store second(shelf.config, kNow);
     FAIL() << "its state is " << second.state();
   } catch (const std::runtime_error& refusal) {
     const std::string text = refusal.what();

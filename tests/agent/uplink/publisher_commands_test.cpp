@@ -339,6 +339,7 @@ TEST(PublisherAudit, CommandThatACrashInterruptedGetsItsOutcomeAndItsAcknowledge
   EXPECT_EQ(lines[0]["records"], json::parse("[1,2,3]"));
   EXPECT_NE(lines[0]["acknowledged"], nullptr);
   again.store->close();
+  again.store.reset();
   Store store(again.config.store, again.utc());
   const Recovered later = recover(again.config, store.journal(), again.utc(), again.now);
   EXPECT_TRUE(later.interrupted.empty());

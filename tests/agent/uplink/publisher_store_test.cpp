@@ -398,6 +398,7 @@ TEST_F(PublisherStoreOnlineTest, CleanStopLeavesTheRestOnDisk) {
   bench.step();
   bench.made().stop(bench.now);
   while (!bench.made().finished()) bench.advance(500ms);
+  bench.store.reset();
   Bench again(scratch.path("store"));
   again.settle();
   EXPECT_EQ(again.made().samples().recovered, 30U);

@@ -136,11 +136,14 @@ TEST_F(StoreDiskParts, SingleRowThatCannotBeReadLeavesTheFileWritable) {
   EXPECT_FALSE(disk->is_writable());
 }
 
-TEST_F(StoreDiskParts, CloseKeepsWhatIsThereAndLetsTheDirectoryGo) {
+TEST_F(StoreDiskParts, CloseKeepsWhatIsThereAndTheLock) {
   disk->close();
   EXPECT_EQ(part.told, "kept ");
   EXPECT_FALSE(disk->is_open());
   StoreDisk next(config, kNow);
+  next.open();
+  EXPECT_TRUE(next.is_in_use());
+  disk.reset();
   next.open();
   EXPECT_TRUE(next.is_writable());
 }

@@ -64,7 +64,9 @@ TEST_F(EarlierCommandsTest, GetTheirResultsWhenTheDatabaseOpens) {
   EXPECT_EQ(late->unacknowledged.size(), 2U);
 }
 
-TEST_F(EarlierCommandsTest, OfAnotherAgentAreNotRead) {
+TEST_F(EarlierCommandsTest, InADirectoryThatOthersMayWriteAreNotRead) {
+  shelf.store.reset();
+  fs::permissions(shelf.config.path, fs::perms::all);
   Store second(shelf.config, kNow);
   EXPECT_EQ(second.state(), "memory");
   EXPECT_TRUE(second.journal().known_ids().empty());
