@@ -264,10 +264,14 @@ class StoreLife(PlantTest):
         wait_for("the second to wait", lambda: "store state=waiting" in second.logged())
         self.assertEqual(self.agent.stop(), 0)
         wait_for("the second to run", lambda: "agent state=starting" in second.logged())
-        _, errors = ends(1, "run", second.path)
-        self.assertIn(f"cannot start: {self.store['path']} is in use by a running fxagent "
-                      f"(fxagent, pid {second.process.pid}): stop it", errors)
-        self.assertNotIn("agent state=starting", errors)
+        for owner in (os.geteuid(), 65534):
+            if os.geteuid() == 0:  # the service has a user of its own, and root runs one more agent
+                for name in ("", "fxagent.lock"):
+                    os.chown(os.path.join(self.store["path"], name), owner, -1)
+            _, errors = ends(1, "run", second.path)
+            self.assertIn(f"cannot start: {self.store['path']} is in use by a running fxagent "
+                          f"(fxagent, pid {second.process.pid}): stop it", errors)
+            self.assertNotIn("agent state=starting", errors)
 
     def test_the_file_is_a_plain_database_when_the_agent_is_away(self):
         self.start_stored()

@@ -48,7 +48,13 @@ bool is_damage_at_open(int code, const std::string& path) {
 std::string StoreDisk::lock(milliseconds patience) {
   is_in_use_ = false;
   std::string why = make_store_directory(config_.path);
-  if (!why.empty() || (lock_ && lock_->is_in_place())) return why;
+  if (lock_ && (!why.empty() || lock_->is_in_place())) return why;
+  if (!why.empty()) {
+    // A root user may start an agent while that of the service, whose directory it is, runs.
+    const std::string used = refused_in_use(config_.path, patience);
+    is_in_use_ = !used.empty();
+    return is_in_use_ ? used : why;
+  }
   // Two agents with one store would publish and journal each other's data.
   lock_ = std::make_unique<DirectoryLock>(config_.path, patience);
   is_in_use_ = lock_->is_in_use();

@@ -148,6 +148,18 @@ std::string in_use(const std::string& directory, const std::string& locked) {
          ": stop it, or give each agent its own directory";
 }
 
+std::string refused_in_use(const std::string& directory, milliseconds patience) {
+  const std::string path = directory + kLockFile;
+  const FileHandle file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK));
+  struct stat owned {};
+  struct stat found {};
+  // A third user who may write in the directory must not keep the agent from starting.
+  if (::stat(directory.c_str(), &owned) != 0 || ::fstat(file, &found) != 0 ||
+      found.st_uid != owned.st_uid)
+    return {};
+  return lock_within(file, patience) || errno != EWOULDBLOCK ? "" : in_use(directory, path);
+}
+
 std::string store_file_path(const std::string& directory) {
   return (std::filesystem::path(directory) / "fxagent.db").string();
 }

@@ -68,6 +68,11 @@ bool lock_within(int handle, std::chrono::milliseconds patience);
 /// is the directory or a file in it, and what to do.
 std::string in_use(const std::string& directory, const std::string& locked);
 
+/// Returns in_use() if another process has the DirectoryLock of a directory that
+/// make_store_directory() refuses, and keeps it for `patience`. Else returns empty. Creates
+/// nothing.
+std::string refused_in_use(const std::string& directory, std::chrono::milliseconds patience);
+
 /// Returns the path of "fxagent.db" in `directory`.
 std::string store_file_path(const std::string& directory);
 

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <filesystem>
@@ -163,6 +164,19 @@ TEST(Store, SecondAgentDoesNotStartUntilTheFirstHasWrittenItsOtherFiles) {
   EXPECT_THROW(await_other_agent(shelf.config, 0ms), std::runtime_error);
   shelf.store.reset();
   EXPECT_FALSE(await_other_agent(shelf.config, 0ms));
+}
+
+TEST(Store, SecondAgentOfRootDoesNotStartWhileTheServiceHasTheStore) {
+  constexpr uid_t kOtherUser = 65534;
+  OpenShelf shelf;
+  for (const char* name : {"", "/fxagent.lock"})
+    if (::chown((shelf.config.path + name).c_str(), kOtherUser, static_cast<gid_t>(-1)) != 0)
+      GTEST_SKIP() << "only root can give a file to another user";
+  EXPECT_THROW(await_other_agent(shelf.config, 0ms), std::runtime_error);
+  EXPECT_THROW(Store(shelf.config, kNow), std::runtime_error);
+  shelf.store.reset();
+  EXPECT_FALSE(await_other_agent(shelf.config, 0ms));
+  EXPECT_EQ(Store(shelf.config, kNow).state(), "memory");
 }
 
 TEST(Store, SecondAgentNamesTheProcessThatHasTheStore) {
