@@ -135,10 +135,8 @@ void CommandExchanges::add_hint(Exchange& exchange) const {
 asio::awaitable<Exchange> CommandExchanges::ask(Request request, SteadyTime not_after,
                                                 Effect effect) {
   using Outcome = Exchange::Outcome;
-  if (std::exchange(was_silent_, false) && !is_stopping()) {
+  if (std::exchange(was_silent_, false) && co_await sharing_.give_way_after_silence())
     part_began_.reset();
-    co_await sharing_.give_way_after_silence();
-  }
   // No need to open a channel or to enquire.
   if (Clock::now() > not_after) co_return Exchange::unsent(Outcome::expired, {});
   Exchange exchange;

@@ -31,8 +31,8 @@ class BusSharing {
 
   /// Called when the device has left an exchange unanswered for this long.
   virtual void was_silent(std::chrono::nanoseconds lasted) = 0;
-  /// Lets the polls run that go first after a silence.
-  virtual asio::awaitable<void> give_way_after_silence() = 0;
+  /// Lets the polls run that go first after a silence. True: one has run.
+  virtual asio::awaitable<bool> give_way_after_silence() = 0;
 
   /// Called when one frame has written all targets, or may have. No target has its outcome yet.
   virtual void written_together(const Exchange& exchange) = 0;

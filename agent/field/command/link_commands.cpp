@@ -141,14 +141,34 @@ class LinkCommands::Sharing final : public BusSharing {
     PollScheduler& scheduler = commands_.link_.scheduler;
     scheduler.share().command_waits();  // the rest of this one
     scheduler.command_used(used, Clock::now());
-    return run(Others::polls_and_commands);
+    // While the channel is closed, nothing is asked of the scheduler, because next() would begin a
+    // cycle. The command itself opens the channel again.
+    while (!is_stopping() && commands_.link_.bus.is_open()) {
+      const PollScheduler::Job job = scheduler.next(Clock::now());
+      if (job.kind == PollScheduler::Job::Kind::poll) {
+        if (!co_await run_poll(job.poll)) break;
+      } else if (commands_.may_go_between(credit())) {
+        give(commands_.waiting_.front().line_time);
+        co_await commands_.run_next();
+      } else {
+        break;
+      }
+    }
+    scheduler.share().command_taken();
   }
   void was_silent(nanoseconds lasted) override {
-    commands_.link_.scheduler.was_silent(command_.device->id, lasted);
+    commands_.link_.scheduler.was_silent(command_.device->id, lasted,
+                                         PolledDevice::AskedBy::command);
   }
-  asio::awaitable<void> give_way_after_silence() override {
-    commands_.link_.scheduler.share().command_waits();  // the rest of this one
-    return run(Others::polls);
+  asio::awaitable<bool> give_way_after_silence() override {
+    const Raised between_tries(commands_.between_tries_);
+    bool has_run = false;
+    while (!is_stopping() && commands_.link_.bus.is_open()) {
+      const auto poll = commands_.link_.scheduler.next_after_silence(Clock::now());
+      if (!poll || !co_await run_poll(*poll)) break;
+      has_run = true;
+    }
+    co_return has_run;
   }
 
   void written_together(const Exchange& exchange) override {
@@ -180,26 +200,11 @@ class LinkCommands::Sharing final : public BusSharing {
   }
 
  private:
-  enum class Others : std::uint8_t { polls, polls_and_commands };
-  /// Runs those who may go before the rest of this command, which counts as waiting until then.
-  asio::awaitable<void> run(Others others) {
-    PollScheduler& scheduler = commands_.link_.scheduler;
-    // While the channel is closed, nothing is asked of the scheduler, because next() would begin a
-    // cycle. The command itself opens the channel again.
-    while (!is_stopping() && commands_.link_.bus.is_open()) {
-      const PollScheduler::Job job = scheduler.next(Clock::now());
-      if (job.kind == PollScheduler::Job::Kind::poll) {
-        const std::uint64_t before = commands_.link_.bus.counters().exchanges;
-        co_await commands_.poller_.run(job.poll);
-        if (commands_.link_.bus.counters().exchanges == before) break;  // the poll sent nothing
-      } else if (others != Others::polls && commands_.may_go_between(credit())) {
-        give(commands_.waiting_.front().line_time);
-        co_await commands_.run_next();
-      } else {
-        break;
-      }
-    }
-    scheduler.share().command_taken();
+  /// False: it sent nothing.
+  asio::awaitable<bool> run_poll(PollScheduler::PollStep step) {
+    const std::uint64_t before = commands_.link_.bus.counters().exchanges;
+    co_await commands_.poller_.run(step);
+    co_return commands_.link_.bus.counters().exchanges != before;
   }
 
   /// Returns the line time that others may use now: what this command has used and not yet given

@@ -42,6 +42,9 @@ class LinkCommands final {
   asio::awaitable<void> run_next();
   /// True while run_next() is in progress.
   bool is_running() const { return !running_.empty(); }
+  /// True while polls go between an unanswered exchange of a command and its next one, often the
+  /// read-back of a write.
+  bool is_between_tries() const { return between_tries_; }
   /// Stops the running command from sending anything more, read-backs included.
   void end() { over_ = true; }
 
@@ -73,6 +76,7 @@ class LinkCommands final {
   std::list<WaitingCommand> running_;
   Sharing* sharing_ = nullptr;  ///< of the last running command
   bool over_ = false;
+  bool between_tries_ = false;
 };
 
 }  // namespace fxagent

@@ -111,7 +111,11 @@ std::string why_silent(const LinkParts& link, const LinkDevice& device, int unan
     return "\"" + device.gateway_says + "\": " + why(Answers::of_gateway);
   if (device.state.has_answered()) {
     const int own = link.scheduler.device(device.id).unanswered_in_a_row();
-    return why(unanswered_in_a_row < own ? Answers::others_now : Answers::until_now);
+    const bool others_answer = std::ranges::any_of(link.devices, [&](const auto& other) {
+      return other.get() != &device && other->state.has_answered() && !other->asked_in_vain;
+    });
+    return why(others_answer && unanswered_in_a_row < own ? Answers::others_now
+                                                          : Answers::until_now);
   }
   const bool others_answer = std::ranges::any_of(
       link.devices, [](const auto& other) { return other->state.has_answered(); });
@@ -290,19 +294,21 @@ void LinkState::answered(LinkDevice& device) {
   read_at_once(link_, device, Clock::now());
 }
 
-void LinkState::unreachable(LinkDevice& device, const std::string& reason) {
+void LinkState::unreachable(LinkDevice& device, const std::string& reason, nanoseconds lasted) {
   device.log_refusal_once(reason);
   unanswered_in_a_row_ = 0;
   device.gateway_says = reason;
   device.asked_in_vain = true;
-  link_.scheduler.was_silent(device.id, device.station.timeout);
+  link_.scheduler.was_silent(device.id, lasted);
   link_.scheduler.device(device.id).unanswered(Clock::now());
 }
 
 void LinkState::unanswered(LinkDevice& device, PolledDevice::AskedBy by) {
   device.gateway_says.clear();
   device.asked_in_vain = true;
-  link_.scheduler.was_silent(device.id, device.station.timeout);
+  // A command has reported each of its silences.
+  if (by == PolledDevice::AskedBy::poll)
+    link_.scheduler.was_silent(device.id, device.station.timeout);
   const bool silent = link_.scheduler.device(device.id).unanswered(Clock::now(), by);
   if (silent) device.state.fell_silent();
   const int limit = std::max(kDeadPeerAfter, static_cast<int>(link_.devices.size()) + 1);

@@ -75,8 +75,9 @@ class LinkState final {
   /// which no device answers any more.
   void unanswered(LinkDevice& device, PolledDevice::AskedBy by = PolledDevice::AskedBy::poll);
   /// Records that a gateway answered `reason` in place of the device: the device is silent, the
-  /// connection is not. Logs each reason once until the device is online.
-  void unreachable(LinkDevice& device, const std::string& reason);
+  /// connection is not. Logs each reason once until the device is online. `lasted`: the line time
+  /// of the exchange.
+  void unreachable(LinkDevice& device, const std::string& reason, std::chrono::nanoseconds lasted);
   /// Publishes the state of the device if it has changed. Until the first attempt to open the link
   /// has ended, the device is `starting`.
   void update(LinkDevice& device);

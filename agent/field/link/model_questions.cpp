@@ -56,7 +56,7 @@ bool ModelQuestions::take_answer(LinkDevice& device, const PollScheduler::PollSt
   if (exchange.outcome == Exchange::Outcome::link_down) state_.lost(exchange.error);
   const bool by_gateway =
       exchange.is_nak() && device.codec->is_from_gateway(exchange.reply.device_code);
-  if (by_gateway) state_.unreachable(device, exchange.reply.text);
+  if (by_gateway) state_.unreachable(device, exchange.reply.text, exchange.line_time());
   const bool is_answered = exchange.has_answer() && !by_gateway;
   if (is_answered) state_.answered(device);
   const PlcServices* plc = device.codec->plc();
@@ -128,7 +128,7 @@ asio::awaitable<Exchange> ModelQuestions::ask_of_model(LinkDevice& device,
     exchange = co_await link_.bus.exchange(device.station, question);
     if (state_.is_stopping()) co_return exchange;
     device.log_foreign_bytes(exchange);
-    link_.scheduler.share().poll_used(exchange.line_time());
+    link_.scheduler.poll_used(exchange.line_time());
     const bool may_pass =
         exchange.is_nak() &&
         device.codec->meaning_of(question, exchange.reply.device_code) == RefusalMeaning::curable;
@@ -154,7 +154,7 @@ asio::awaitable<ModelQuestions::Knowledge> ModelQuestions::ask_model(LinkDevice&
     if (exchange.is_nak()) {
       const auto meaning = device.codec->meaning_of(question, exchange.reply.device_code);
       if (meaning == RefusalMeaning::unreachable) {
-        state_.unreachable(device, exchange.reply.text);
+        state_.unreachable(device, exchange.reply.text, exchange.line_time());
         co_return Knowledge::unanswered;
       }
       passing |= !is_lack(meaning);

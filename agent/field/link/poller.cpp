@@ -218,7 +218,7 @@ Poller::Refusal Poller::take_refusal(LinkDevice& device, GroupPoll& group,
   const std::string& reason = exchange.reply.text;
   const auto meaning = device.codec->meaning_of(asked.request, exchange.reply.device_code);
   if (meaning == RefusalMeaning::unreachable) {
-    state_.unreachable(device, reason);
+    state_.unreachable(device, reason, exchange.line_time());
     fail_cycle(device, group, BadReason::timeout);
     return Refusal::ends_step;
   }

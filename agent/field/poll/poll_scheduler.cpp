@@ -70,33 +70,35 @@ SteadyTime PollScheduler::next_wake() const {
 }
 
 PollScheduler::Job PollScheduler::next(SteadyTime now) {
-  Job job;
-  Group* group = after_silence_.count() > 0 ? most_urgent(now, Of::answering) : nullptr;
-  if (group == nullptr) {
-    after_silence_ = {};
-    group = most_urgent(now);
-    if (share_.command_goes_first(group != nullptr)) {
-      job.kind = Job::Kind::command;
-      return job;
-    }
-  }
-  if (group == nullptr) {
-    job.until = next_wake();
-    return job;
-  }
-  job.kind = Job::Kind::poll;
-  job.poll.group = static_cast<GroupId>(group - groups_.data());
-  GroupSchedule& schedule = group->schedule;
+  if (const auto first = next_after_silence(now)) return {Job::Kind::poll, *first};
+  Group* group = most_urgent(now);
+  if (share_.command_goes_first(group != nullptr)) return {Job::Kind::command, {}};
+  if (group == nullptr) return {Job::Kind::wait, {}, next_wake()};
+  return {Job::Kind::poll, next_step(*group, now)};
+}
+
+std::optional<PollScheduler::PollStep> PollScheduler::next_after_silence(SteadyTime now) {
+  const bool has_time = after_silence_.value_or(std::chrono::nanoseconds(0)).count() > 0;
+  if (Group* group = has_time ? most_urgent(now, Of::answering) : nullptr)
+    return next_step(*group, now);
+  after_silence_.reset();
+  return std::nullopt;
+}
+
+PollScheduler::PollStep PollScheduler::next_step(Group& group, SteadyTime now) {
+  PollStep step;
+  step.group = static_cast<GroupId>(&group - groups_.data());
+  GroupSchedule& schedule = group.schedule;
   if (!schedule.is_running()) {
-    job.poll.starts_cycle = true;
-    job.poll.late = now - schedule.begins_at();
+    step.starts_cycle = true;
+    step.late = now - schedule.begins_at();
     // load() visits every group.
     const double line_load = schedule.is_due_by_interval(now) ? load() : 0;
-    device(group->device).missed(schedule.begin(now, line_load));
-    device(group->device).cycle_begun();
+    device(group.device).missed(schedule.begin(now, line_load));
+    device(group.device).cycle_begun();
   }
-  job.poll.exchange = schedule.exchange();
-  return job;
+  step.exchange = schedule.exchange();
+  return step;
 }
 
 void PollScheduler::forget_until(SteadyTime now) {
@@ -122,8 +124,11 @@ SteadyTime PollScheduler::read_at_once(DeviceId device, SteadyTime from) {
   return from;
 }
 
-void PollScheduler::was_silent(DeviceId device, std::chrono::nanoseconds lasted) {
-  after_silence_ = std::max(after_silence_, lasted);
+void PollScheduler::was_silent(DeviceId device, std::chrono::nanoseconds lasted,
+                               PolledDevice::AskedBy by) {
+  // Otherwise polls with silences among them would go first without end.
+  if (after_silence_ && by == PolledDevice::AskedBy::poll) return;
+  after_silence_ = lasted;
   last_silent_ = device;
 }
 
@@ -131,9 +136,18 @@ void PollScheduler::command_used(std::chrono::nanoseconds line_time, SteadyTime 
   if (share_.commands_waiting() > 0 && most_urgent(now) != nullptr) share_.polls_waited(line_time);
 }
 
-void PollScheduler::step_used(const PollStep& step, std::chrono::nanoseconds line_time) {
+void PollScheduler::poll_used(std::chrono::nanoseconds line_time) {
+  // The time after a silence is no part of the share.
+  if (after_silence_) {
+    const auto given = std::clamp(*after_silence_, std::chrono::nanoseconds(0), line_time);
+    *after_silence_ -= given;
+    line_time -= given;
+  }
   share_.poll_used(line_time);
-  after_silence_ -= line_time;
+}
+
+void PollScheduler::step_used(const PollStep& step, std::chrono::nanoseconds line_time) {
+  poll_used(line_time);
   groups_[step.group].schedule.used(line_time);
 }
 

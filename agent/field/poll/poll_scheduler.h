@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "agent/field/poll/group_schedule.h"
@@ -195,6 +196,9 @@ class PollScheduler final {
   /// intervals are skipped and counted, never sent in a burst. If the groups ask for more than the
   /// whole line, all intervals are stretched by the same factor.
   Job next(SteadyTime now);
+  /// Same, for the polls alone that go first after a silence. Nullopt: its time is used up, or no
+  /// such poll is due; what is left of the time is then given up.
+  std::optional<PollStep> next_after_silence(SteadyTime now);
 
   /// Records that the step was carried out. True: the cycle has ended.
   bool step_done(const PollStep& step) {
@@ -222,10 +226,15 @@ class PollScheduler final {
   void forget_until(SteadyTime now);
 
   /// Records that the device left a request unanswered for this long. Due polls of devices that
-  /// answer go before all else then, for as long again, so that they wait for one try at a time.
-  void was_silent(DeviceId device, std::chrono::nanoseconds lasted);
+  /// answer go before all else then, for as long again, so that they wait for one try at a time. A
+  /// silence of one of these polls gives no further time.
+  void was_silent(DeviceId device, std::chrono::nanoseconds lasted,
+                  PolledDevice::AskedBy by = PolledDevice::AskedBy::poll);
   /// Records line time used by a command; the polls' share depends on it.
   void command_used(std::chrono::nanoseconds line_time, SteadyTime now);
+  /// Records line time used by polls outside the exchanges of a group, such as a question about the
+  /// model.
+  void poll_used(std::chrono::nanoseconds line_time);
   /// Records line time used by an exchange of a group. Also measures the line time of its cycles.
   void step_used(const PollStep& step, std::chrono::nanoseconds line_time);
   /// Returns the part of the line that the groups' intervals ask for, by the measured line time of
@@ -249,6 +258,8 @@ class PollScheduler final {
   enum class Of : std::uint8_t { all, answering };
   /// Returns the due group that goes first, or null.
   Group* most_urgent(SteadyTime now, Of devices = Of::all);
+  /// Returns the next step of the group, whose cycle begins if none is running.
+  PollStep next_step(Group& group, SteadyTime now);
   SteadyTime next_wake() const;
   /// Returns the end of the rest of the group or its device.
   SteadyTime rests_until(const Group& group) const {
@@ -258,7 +269,8 @@ class PollScheduler final {
   LineShare share_;
   std::vector<Device> devices_;
   std::vector<Group> groups_;
-  std::chrono::nanoseconds after_silence_{0};  ///< line time of was_silent() that is left
+  /// Line time of was_silent() that is left; nullopt: no polls go first.
+  std::optional<std::chrono::nanoseconds> after_silence_;
   DeviceId last_silent_ = 0;
 };
 

@@ -22,9 +22,9 @@ class Others final : public BusSharing {
     co_return;
   }
   void was_silent(std::chrono::nanoseconds lasted) override { silence = lasted; }
-  asio::awaitable<void> give_way_after_silence() override {
+  asio::awaitable<bool> give_way_after_silence() override {
     ++turns_after_silence;
-    co_return;
+    co_return polls_run;
   }
   void written_together(const Exchange&) override {}
   void concluded(std::size_t, const TargetResult&) override {}
@@ -33,6 +33,7 @@ class Others final : public BusSharing {
 
   int turns = 0;
   int turns_after_silence = 0;
+  bool polls_run = true;                ///< after a silence
   std::chrono::nanoseconds silence{0};  ///< the last one
   std::chrono::nanoseconds used_before{0};
   bool stopping = false;

@@ -100,6 +100,22 @@ TEST_F(CommandExchangesTest, PollsRunBetweenASilenceAndTheNextExchange) {
   }
 }
 
+TEST_F(CommandExchangesTest, SilenceIsLineTimeOfTheCommandIfNoPollHasRunAfterIt) {
+  const auto read_twice = [&] {
+    wire->expect(kReadBack).silence();
+    run_on(io, exchanges->read_point(target));
+    wire->expect(kReadBack).give(word_frame(50));
+    run_on(io, exchanges->read_point(target));
+    return exchanges->last_byte() - *exchanges->first_byte();
+  };
+  others.polls_run = false;
+  const nanoseconds both = read_twice();
+  EXPECT_EQ(exchanges->used(), both);
+  others.polls_run = true;
+  const nanoseconds all = read_twice();
+  EXPECT_LT(exchanges->used(), all);
+}
+
 TEST_F(CommandExchangesTest, NothingBeginsAfterTheExpiryButWhatIsUnderWayIsFinished) {
   admitted.deadline = Clock::now() - milliseconds(1);
   EXPECT_EQ(send().outcome, Exchange::Outcome::expired);

@@ -352,7 +352,7 @@ TEST_F(LinkStateOnSerial, NeighboursOfADeviceThatLeavesAPollUnansweredGoBeforeAC
   for (const bool by_gateway : {false, true}) {
     EXPECT_EQ(scheduler.next(Clock::now()).kind, PollScheduler::Job::Kind::command);
     if (by_gateway)
-      link->unreachable(*devices[0], "exception 0B");
+      link->unreachable(*devices[0], "exception 0B", milliseconds(500));
     else
       link->unanswered(*devices[0]);
     const PollScheduler::Job job = scheduler.next(Clock::now());
@@ -360,6 +360,33 @@ TEST_F(LinkStateOnSerial, NeighboursOfADeviceThatLeavesAPollUnansweredGoBeforeAC
     scheduler.step_used(job.poll, std::chrono::hours(1));
     scheduler.step_done(job.poll);
   }
+}
+
+TEST_F(LinkStateOnSerial, RefusalByAGatewayGivesOthersNoMoreTimeThanItTook) {
+  add_neighbour();
+  scheduler.add_group(devices[1]->id, milliseconds(0), 1, SteadyTime{});
+  scheduler.share().command_waits();
+  link->unreachable(*devices[0], "exception 0B", nanoseconds(0));
+  EXPECT_EQ(scheduler.next(Clock::now()).kind, PollScheduler::Job::Kind::command);
+}
+
+TEST_F(LinkStateOnSerial, NoDeviceOfADeadLineIsToldThatOthersStillAnswer) {
+  add_neighbour();
+  open();
+  for (const auto& device : devices) {
+    link->answered(*device);
+    link->update(*device);
+  }
+  for (int i = 0; i < 9; ++i) link->unanswered(*devices[0]);
+  for (int i = 0; i < 3; ++i) {
+    link->answered(*devices[1]);
+    link->unanswered(*devices[0]);
+  }
+  for (int i = 0; i < 3; ++i) link->unanswered(*devices[1]);
+  told();
+  for (const auto& device : devices) link->update(*device);
+  for (const DeviceStatus& status : told())
+    EXPECT_EQ(status.reason_text.find("still answer"), std::string::npos) << status.reason_text;
 }
 
 TEST_F(LinkStateTest, UnitThatFallsSilentAloneBehindAGatewayIsNamedWithItsWire) {
@@ -455,7 +482,7 @@ TEST_F(LinkStateOnSerial, SerialLineIsNotClosedBySilence) {
 TEST_F(LinkStateTest, GatewayThatAnswersInPlaceOfItsUnitIsThere) {
   use(TcpSettings{"192.0.2.10", 502});
   open();
-  for (int i = 0; i < 10; ++i) link->unreachable(*devices[0], "exception 0B");
+  for (int i = 0; i < 10; ++i) link->unreachable(*devices[0], "exception 0B", {});
   EXPECT_TRUE(bus->is_open());
   link->update(*devices[0]);
   const DeviceStatus status = told().at(0);

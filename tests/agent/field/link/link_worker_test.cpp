@@ -420,6 +420,57 @@ TEST_F(LinkWorkerWithSetpoint, NeighbourIsPolledBetweenTheTriesOfCommandsToASile
   for (std::size_t i = 1; i < polled.size(); ++i) EXPECT_GT(polled[i], polled[i - 1]) << i;
 }
 
+TEST_F(LinkWorkerWithSetpoint, StopDuringThePollsBeforeAReadBackLeavesTheLineOpenForIt) {
+  config.devices[0].groups[0].interval = std::chrono::hours(1);
+  config.devices.push_back(port_device("press2"));
+  DeviceConfig& neighbour = config.devices[1];
+  neighbour.groups[0].interval = milliseconds(0);
+  neighbour.tags.push_back(tag(*neighbour.codec, "level", "D210"));
+  bool is_written = false;
+  script().then([&](ByteView request) {
+    const Bytes asked(request.begin(), request.end());
+    if (asked == kWrite50) {
+      is_written = true;
+      plc.answer(request);
+      return Bytes{};
+    }
+    if (is_written) asio::post(io, [&] { worker->stop(); });
+    return plc.answer(request);
+  });
+  start();
+  wait([&] { return !of_device(1).empty(); });
+  submit(write_setpoint("a"));
+  wait([&] { return ended; });
+  EXPECT_EQ(ending_of("a"), "SUCCEEDED");
+  EXPECT_EQ(wire->opened(), 1U);
+}
+
+/// Two devices leave each second read unanswered, so they are never silent for long.
+TEST_F(LinkWorkerWithSetpoint, CommandGoesAlthoughTwoDevicesLeaveReadsUnanswered) {
+  config.devices[0].groups[0].interval = std::chrono::hours(1);
+  std::vector<Bytes> lost;
+  for (const std::uint32_t n : {1U, 2U}) {
+    config.devices.push_back(port_device("press" + std::to_string(n + 1)));
+    DeviceConfig& device = config.devices[n];
+    device.timeout = milliseconds(50);
+    device.groups[0].interval = milliseconds(0);
+    device.tags.push_back(tag(*device.codec, "a", "D" + std::to_string(200 + 10 * n)));
+    device.tags.push_back(tag(*device.codec, "b", "D" + std::to_string(900 + 10 * n)));
+    lost.push_back(read_frame(kD200 + 2 * (700 + 10 * n), 2));
+  }
+  int silences = 0;
+  script().then([&](ByteView request) {
+    const Bytes asked(request.begin(), request.end());
+    const bool is_lost = std::ranges::find(lost, asked) != lost.end();
+    silences += is_lost;
+    return is_lost ? Bytes{} : plc.answer(request);
+  });
+  start();
+  wait([&] { return silences >= 4; });
+  submit(write_setpoint("first"));
+  EXPECT_EQ(wait_for_result("first").status, CommandStatus::succeeded);
+}
+
 TEST_F(LinkWorkerWithSetpoint, AnsweredCommandEndsTheBackOff) {
   plc.silent = true;
   start();

@@ -637,6 +637,53 @@ TEST_F(SharedLine, AfterASilencePollsOfOthersGoBeforeTheNextCommandForAsLongAgai
   EXPECT_EQ(polls_before_the_command(), Polls{});
 }
 
+TEST_F(SharedLine, SilencesAmongThePollsThatGoFirstGiveThemNoFurtherTime) {
+  scheduler.share().command_waits();
+  scheduler.was_silent(device, milliseconds(100));
+  int silences = 0;
+  for (auto job = scheduler.next(now); job.kind == Kind::poll && silences < 100;
+       job = scheduler.next(now)) {
+    ++silences;
+    now += milliseconds(60);
+    scheduler.step_used(job.poll, milliseconds(60));
+    scheduler.was_silent(job.poll.group, milliseconds(60));
+    scheduler.group(job.poll.group).abandon_cycle(now);
+  }
+  EXPECT_EQ(silences, 2);
+  scheduler.was_silent(device, milliseconds(100));
+  EXPECT_EQ(polls_before_the_command().size(), 3U) << "a command has gone";
+}
+
+TEST_F(SharedLine, SilenceOfACommandGivesItsTimeAlsoDuringThatOfAPoll) {
+  scheduler.was_silent(other, milliseconds(40));
+  scheduler.share().command_waits();
+  scheduler.was_silent(device, milliseconds(100), PolledDevice::AskedBy::command);
+  const Polls polls = polls_before_the_command();
+  EXPECT_EQ(polls.size(), 3U);
+  EXPECT_TRUE(std::ranges::none_of(polls, [&](auto id) { return id == device; }));
+}
+
+TEST_F(SharedLine, PollsKeepTheirShareBesideTheTimeAfterASilence) {
+  scheduler.share().command_waits();
+  scheduler.was_silent(device, milliseconds(400));
+  EXPECT_EQ(polls_before_the_command().size(), 10U);
+  EXPECT_EQ(polls_before_the_command(), Polls{});
+  scheduler.command_used(milliseconds(400), now);
+  EXPECT_EQ(polls_before_the_command().size(), 3U) << "100 ms are theirs";
+}
+
+TEST_F(SharedLine, BetweenTheTriesOfACommandOnlyThePollsAfterASilenceGo) {
+  scheduler.share().command_waits();
+  scheduler.command_used(milliseconds(400), now);  // polls are owed 100 ms
+  EXPECT_FALSE(scheduler.next_after_silence(now));
+  scheduler.was_silent(device, milliseconds(40), PolledDevice::AskedBy::command);
+  const auto poll = scheduler.next_after_silence(now);
+  ASSERT_TRUE(poll);
+  EXPECT_NE(poll->group, device);
+  scheduler.step_used(*poll, milliseconds(40));
+  EXPECT_FALSE(scheduler.next_after_silence(now));
+}
+
 TEST_F(SharedLine, SilenceCountsForACommandThatComesDuringThePollsAfterIt) {
   scheduler.was_silent(device, milliseconds(100));
   const auto first = scheduler.next(now);
