@@ -30,7 +30,8 @@ constexpr auto kExact = static_cast<double>(json::kMaxExactInteger);
 /// name. Otherwise returns an empty string.
 std::string raw_name(const ImportedTag& tag) {
   std::string name = text_at(tag.keys, "name");
-  return name.find('{') == name.npos ? name : "";
+  if (name.find('{') != name.npos) name.clear();
+  return name;
 }
 
 /// With raw names, the tags get other, valid ones: errors in names would hide those of values.
