@@ -14,7 +14,6 @@ using std::chrono::seconds;
 constexpr milliseconds kFlushEvery{200};
 constexpr std::size_t kRemovedAtOnce = 200;  // takes about 1 ms, which live samples can wait
 constexpr seconds kCleanUpEvery{60};
-constexpr milliseconds kJustEnds{500};
 
 /// A second agent of the same config would also share links and client id with the first one. Other
 /// faults of the lock are left to StoreDisk::open().

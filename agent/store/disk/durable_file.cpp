@@ -6,19 +6,11 @@
 
 #include <array>
 #include <cerrno>
-#include <chrono>
 #include <utility>
 
 #include "agent/store/disk/store_file.h"
 
 namespace fxagent {
-namespace {
-
-/// An agent that is just ending releases its store a moment before this lock.
-constexpr std::chrono::milliseconds kOtherEnds{500};
-
-}  // namespace
-
 DurableFile::DurableFile(std::string directory, const std::string& name)
     : directory_(std::move(directory)), path_(directory_ + "/" + name) {}
 
@@ -30,7 +22,8 @@ std::string DurableFile::lock() {
   if (std::string fault = make_store_directory(directory_); !fault.empty()) return fault;
   FileHandle handle(::open(directory_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (handle < 0) return fault_of_system(directory_);
-  if (!lock_within(handle, kOtherEnds))
+  // An agent that is just ending releases its store a moment before this lock.
+  if (!lock_within(handle, kJustEnds))
     return errno == EWOULDBLOCK ? in_use(directory_, directory_) : fault_of_system(directory_);
   locked_ = std::move(handle);
   return {};

@@ -97,7 +97,7 @@ class StoreDisk final {
   /// Locks the directory, which it creates if necessary. Waits at most `patience` for a process
   /// that has the lock, by default for one that is just ending. Returns empty if the lock is ours,
   /// else the reason.
-  std::string lock(std::chrono::milliseconds patience = std::chrono::milliseconds(500));
+  std::string lock(std::chrono::milliseconds patience = kJustEnds);
   /// Locks the directory, then opens or creates the file. Sets a damaged file aside as
   /// fxagent.db.corrupt-<utc_ms>. On failure is_writable() is false; see last_failure().
   void open();

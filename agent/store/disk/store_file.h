@@ -59,6 +59,9 @@ std::string fault_of_system(const std::string& what);
 /// Returns false, with errno set, if part of `data` was not written.
 bool write_at(int handle, const void* data, std::size_t size, std::size_t at);
 
+/// Patience for the lock of a process that is just ending.
+inline constexpr std::chrono::milliseconds kJustEnds{500};
+
 /// Locks the open file or directory against other processes. Waits at most `patience` for a process
 /// that has the lock. Returns false, with errno set, if the lock is not ours; EWOULDBLOCK: another
 /// process has it.

@@ -383,6 +383,14 @@ TEST_F(LinkWorkerTest, SilentDeviceDoesNotStarveItsNeighbour) {
 
 struct LinkWorkerWithSetpoint : LinkWorkerTest {
   LinkWorkerWithSetpoint() { add_setpoint(); }
+  /// Adds a device that is polled without pause. The first is polled every hour.
+  void add_neighbour() {
+    config.devices[0].groups[0].interval = std::chrono::hours(1);
+    config.devices.push_back(port_device("press2"));
+    DeviceConfig& neighbour = config.devices[1];
+    neighbour.groups[0].interval = milliseconds(0);
+    neighbour.tags.push_back(tag(*neighbour.codec, "level", "D210"));
+  }
 };
 
 TEST_F(LinkWorkerWithSetpoint, CommandToASilentDeviceGoesOutAndFailsAtItsEnquiry) {
@@ -395,11 +403,7 @@ TEST_F(LinkWorkerWithSetpoint, CommandToASilentDeviceGoesOutAndFailsAtItsEnquiry
 }
 
 TEST_F(LinkWorkerWithSetpoint, NeighbourIsPolledBetweenTheTriesOfCommandsToASilentDevice) {
-  config.devices[0].groups[0].interval = std::chrono::hours(1);
-  config.devices.push_back(port_device("press2"));
-  DeviceConfig& neighbour = config.devices[1];
-  neighbour.groups[0].interval = milliseconds(0);
-  neighbour.tags.push_back(tag(*neighbour.codec, "level", "D210"));
+  add_neighbour();
   std::vector<std::size_t> polled;  // samples of the neighbour before each try
   script().then([&](ByteView request) {
     const Bytes asked(request.begin(), request.end());
@@ -421,11 +425,7 @@ TEST_F(LinkWorkerWithSetpoint, NeighbourIsPolledBetweenTheTriesOfCommandsToASile
 }
 
 TEST_F(LinkWorkerWithSetpoint, StopDuringThePollsBeforeAReadBackLeavesTheLineOpenForIt) {
-  config.devices[0].groups[0].interval = std::chrono::hours(1);
-  config.devices.push_back(port_device("press2"));
-  DeviceConfig& neighbour = config.devices[1];
-  neighbour.groups[0].interval = milliseconds(0);
-  neighbour.tags.push_back(tag(*neighbour.codec, "level", "D210"));
+  add_neighbour();
   bool is_written = false;
   script().then([&](ByteView request) {
     const Bytes asked(request.begin(), request.end());
