@@ -1,5 +1,6 @@
 #include "agent/commands/result.h"
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 #include <utility>
 
@@ -90,6 +91,7 @@ void set_interrupted(CommandResult& result) {
 namespace {
 
 using json::Writer;
+using nlohmann::ordered_json;
 
 void write_verification(Writer& out, const std::optional<Verification>& verify) {
   if (!verify) {
@@ -164,58 +166,61 @@ void write_result(Writer& out, const CommandResult& result) {
   out.key("attempts").integer(std::int64_t{result.attempts}).end_object();
 }
 
-void leave_out_details(CommandResult& result) {
-  for (TargetResult& target : result.targets) target.detail.clear();
+// What a result that is too long leaves out, in this order.
+
+constexpr std::string_view kTooLong = "the result would be larger than 64 KiB";
+
+void add_detail(ordered_json& result, const std::string& text) {
+  const std::string detail = text_at(result, "detail");
+  result["detail"] = detail.empty() ? text : detail + "; " + text;
 }
 
-void leave_out_values(CommandResult& result) {
-  result.detail += std::string(result.detail.empty() ? "" : "; ") +
-                   "the values are left out: the result would be larger than 64 KiB";
-  for (TargetResult& target : result.targets) {
-    target.value.reset();
-    if (target.verify) target.verify->read.reset();
-  }
+/// What a DUPLICATE says of its own targets only repeats the command.
+void leave_out_repetition(ordered_json& duplicate) {
+  if (duplicate.contains("targets"))
+    duplicate["targets"] = ordered_json::array();
+  else
+    duplicate["value"] = nullptr;
+  add_detail(duplicate, "what the command asked for is left out: " + std::string(kTooLong));
 }
 
-/// The targets of a DUPLICATE only repeat the command.
-void leave_out_targets(CommandResult& result) {
-  result.detail += "; so are the targets";
-  result.targets.clear();
+void leave_out_details(ordered_json& result) {
+  if (!result.contains("targets")) return;
+  for (ordered_json& target : result["targets"]) target["detail"] = nullptr;
 }
 
-/// Same as leave_out_values(), for a result that is already text.
-std::string without_values(std::string_view recorded) {
-  auto json = parsed_ordered_json(recorded);
-  for (const char* key : {"value", "verify", "targets"})
-    if (json.is_object() && json.contains(key)) json[key] = nullptr;
-  return dumped(json);
+void leave_out_values(ordered_json& result) {
+  const auto clear = [](ordered_json& target) {
+    target["value"] = nullptr;
+    if (target["verify"].is_object()) target["verify"]["read"] = nullptr;
+  };
+  if (result.contains("targets"))
+    std::ranges::for_each(result["targets"], clear);
+  else
+    clear(result);
+  add_detail(result, "the values are left out: " + std::string(kTooLong));
 }
 
 }  // namespace
 
 std::string result_text(const CommandResult& result) {
   constexpr std::size_t kMost = kMaxResultBytes - 24;  // room for total_ms
-  const auto written = [](const CommandResult& what) {
-    Writer out;
-    write_result(out, what);
-    return out.take();
-  };
-  std::string text = written(result);
+  Writer out;
+  write_result(out, result);
+  std::string text = out.take();
   if (text.size() <= kMost || !result.recorded.empty()) return text;
-  CommandResult shorter = result;
-  if (result.first) {
-    CommandResult first = *result.first;
-    if (!first.recorded.empty()) first.recorded = without_values(first.recorded);
-    leave_out_details(first);
-    leave_out_values(first);
-    shorter.first = std::make_shared<const CommandResult>(std::move(first));
+  ordered_json shorter = parsed_ordered_json(text);
+  ordered_json* to_shorten = &shorter;
+  if (result.status == CommandStatus::duplicate) {
+    leave_out_repetition(shorter);
+    if (shorter["first"].is_object()) to_shorten = &shorter["first"];
   }
-  for (const auto leave_out : {leave_out_details, leave_out_values, leave_out_targets}) {
-    leave_out(shorter);
-    text = written(shorter);
-    if (text.size() <= kMost) break;
+  for (const auto leave_out : {leave_out_details, leave_out_values}) {
+    text = dumped(shorter);
+    if (text.size() <= kMost) return text;
+    leave_out(*to_shorten);
   }
-  return text;
+  return dumped(shorter);
 }
 
 std::string total_text(std::chrono::nanoseconds total) {

@@ -43,7 +43,8 @@ CommandResult not_sent(const AdmittedCommand& admitted, Reason why = Reason::shu
 
 // The text of a result.
 
-/// Largest result. Above it the details of targets are left out, then values, then targets.
+/// Largest result. Above it a DUPLICATE leaves out what its command asked for. Then the details of
+/// targets are left out, then values; those of `first` in a DUPLICATE.
 inline constexpr std::size_t kMaxResultBytes = 65536;
 /// Returns the result of a command, docs/interface.md section 5; total_ms is null if not known.
 std::string result_text(const CommandResult& result);

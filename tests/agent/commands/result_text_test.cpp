@@ -164,6 +164,47 @@ TEST(ResultText, LongestOneHasRoomForItsTotal) {
   }
 }
 
+// The targets of the DUPLICATE only repeat the command.
+TEST(ResultText, DuplicateLeavesOutItsOwnTargetsBeforeWhatTheFirstResultSays) {
+  CommandResult list;
+  list.id = "b7e1";
+  list.is_list = true;
+  list.status = CommandStatus::partial;
+  list.targets.resize(64);
+  for (TargetResult& target : list.targets) {
+    target.value = Value(std::string(500, 'v'));
+    target.status = CommandStatus::failed;
+    target.detail = "nak 06";
+  }
+  CommandResult again = list;
+  again.status = CommandStatus::duplicate;
+  again.first = std::make_shared<const CommandResult>(fxagent::recorded_result(text_of(list)));
+  const json told = json::parse(text_of(again));
+  EXPECT_EQ(told["targets"].size(), 0U);
+  EXPECT_EQ(told["first"], json::parse(text_of(list)));
+
+  for (TargetResult& target : list.targets) target.value = Value(std::string(880, 'v'));
+  ASSERT_EQ(json::parse(text_of(list))["targets"][63]["value"], std::string(880, 'v'));
+  again.first = std::make_shared<const CommandResult>(fxagent::recorded_result(text_of(list)));
+  const std::string text = text_of(again);
+  EXPECT_LE(text.size(), 65536U);
+  EXPECT_EQ(json::parse(text)["first"]["targets"][63]["status"], "FAILED");
+}
+
+TEST(ResultText, DuplicateOfALongValueKeepsTheOneOfTheFirstResult) {
+  CommandResult write;
+  write.id = "b7e1";
+  write.targets.resize(1);
+  write.targets[0].value = Value(std::string(40000, 'v'));
+  write.targets[0].verify = Verification{.read = std::nullopt, .match = true};
+  CommandResult again = write;
+  again.status = CommandStatus::duplicate;
+  again.first = std::make_shared<const CommandResult>(write);
+  const json told = json::parse(text_of(again));
+  EXPECT_TRUE(told["value"].is_null());
+  EXPECT_EQ(told["first"], json::parse(text_of(write)));
+}
+
 TEST(ResultText, DuplicateOfTwoLongListsLeavesOutThatOfTheCommand) {
   CommandResult list;
   list.id = "b7e1";
@@ -179,7 +220,7 @@ TEST(ResultText, DuplicateOfTwoLongListsLeavesOutThatOfTheCommand) {
   const json told = json::parse(text);
   EXPECT_EQ(told["targets"].size(), 0U);
   EXPECT_EQ(told["first"]["targets"].size(), 64U);
-  EXPECT_NE(told["detail"].get<std::string>().find("so are the targets"), std::string::npos);
+  EXPECT_NE(told["detail"].get<std::string>().find("asked for is left out"), std::string::npos);
 }
 
 }  // namespace
