@@ -1,6 +1,6 @@
 #!/bin/bash
-# Writes the files and tables that the program generates: config/agent.schema.json, docs/payloads.schema.json, the tables of keys in
-# docs/config/keys.md, and the table of subcommands in docs/operate/command-line.md.
+# Writes the files and tables that the program generates: config/agent.schema.json, the tables of keys in docs/config/keys.md,
+# and the table of subcommands in docs/operate/command-line.md.
 #   config/generate.sh [FXAGENT [ROOT]]
 # FXAGENT: the program, build/agent/fxagent by default. ROOT: the tree to write to, the project by default.
 set -euo pipefail
@@ -42,8 +42,6 @@ table_of_commands() {
 
 "$fxagent" schema >"$work/schema"
 cat "$work/schema" >"$root/config/agent.schema.json"
-"$fxagent" describe --schema >"$work/payloads"
-cat "$work/payloads" >"$root/docs/payloads.schema.json"
 "$fxagent" schema --tables >"$work/keys"
 table_of_commands >"$work/commands"
 replace_tables "$root/docs/config/keys.md" '| key | type, range | default | meaning |' <"$work/keys"

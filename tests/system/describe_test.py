@@ -142,6 +142,9 @@ class Call(unittest.TestCase):
         self.assertTrue(thing["properties"]["press1/state"]["forms"][0]["mqv:retain"])
         self.assertNotIn("press1.temp", thing["actions"])
 
+    def test_without_a_config_it_prints_the_published_schema(self):
+        self.assertEqual(described("--schema").stdout, read_text(os.path.join(ROOT, "docs", "payloads.schema.json")))
+
     def test_topics_are_those_of_the_contract(self):
         section = read_text(os.path.join(ROOT, "docs", "interface.md")).split("\n## 4. ")[0]
         rows = re.findall(r"^\| `(\{base\}[^`]*)` \|", section, re.MULTILINE)

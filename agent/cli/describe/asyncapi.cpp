@@ -6,7 +6,7 @@
 #include <string>
 #include <utility>
 
-#include "agent/cli/describe/payloads.h"
+#include "agent/cli/describe/schema_parts.h"
 #include "agent/cli/describe/topics.h"
 
 namespace fxagent::contract {

@@ -11,12 +11,15 @@ namespace fxagent::contract {
 using Json = nlohmann::ordered_json;
 
 /// --schema: returns docs/payloads.schema.json, the JSON Schema (draft 2020-12) of every payload of
-/// any agent. It accepts an object with topics as keys and payloads as values; the topics have the
-/// placeholders of the contract.
+/// any agent, which stands in the program. It accepts an object with topics as keys and payloads as
+/// values; the topics have the placeholders of the contract. A payload may have more keys in later
+/// versions; a command must not.
 Json payload_page();
 /// The same for the agent of this config, with its topics and tags.
 Json payload_page(const Config& config);
 
+/// Returns the schemas of any agent by name: "agent_state", "sample", "command_write" …
+Json payload_schemas();
 /// Returns the config's payload schemas by name: those of any agent, and of schema_name().
 Json schemas_of(const Config& config);
 

@@ -4,28 +4,16 @@
 #include <string>
 #include <utility>
 
-#include "agent/cli/describe/payloads.h"
+#include "agent/cli/describe/payload_schema.h"
+#include "agent/cli/describe/schema_parts.h"
 #include "agent/cli/describe/topics.h"
+#include "agent/text/json.h"
 #include "agent/uplink/payload/json_payload.h"
 
 namespace fxagent::contract {
 namespace {
 
 Json all_of(Json one, Json other) { return {{"allOf", {std::move(one), std::move(other)}}}; }
-
-/// Returns a page with the schema of each topic, and the schemas that they refer to.
-Json page(const std::string& whose, Json topics, Json schemas) {
-  return {
-      {"$schema", "https://json-schema.org/draft/2020-12/schema"},
-      {"title", "Payloads of " + whose},
-      {"description",
-       "An object with topics as keys and payloads as values. For a single payload use the schema "
-       "that its topic refers to. Later versions of the agent may add keys and topics."},
-      {"type", "object"},
-      {"properties", std::move(topics)},
-      {"additionalProperties", false},
-      {"$defs", std::move(schemas)}};
-}
 
 Json of_topic(const Topic& topic, const std::string& schema) {
   Json out{{"description", topic.summary}};
@@ -175,18 +163,18 @@ Json schemas_of(const Config& config) {
   return out;
 }
 
-Json payload_page() {
-  Json all = Json::object();
-  for (const Topic& topic : topics())
-    append(all, "{base}/" + std::string(topic.address), of_topic(topic, std::string(topic.schema)));
-  return page("fxagent", std::move(all), payload_schemas());
-}
+Json payload_page() { return parsed_ordered_json(kPayloadSchema); }
+
+Json payload_schemas() { return payload_page()["$defs"]; }
 
 Json payload_page(const Config& config) {
-  Json all = Json::object();
+  Json out = payload_page();
+  out["title"] = "Payloads of " + config.base_topic();
+  Json& topics = out["properties"] = Json::object();
   for (const Place& place : places(config))
-    append(all, place.address, of_topic(*place.topic, place.schema));
-  return page(config.base_topic(), std::move(all), schemas_of(config));
+    append(topics, place.address, of_topic(*place.topic, place.schema));
+  out["$defs"] = schemas_of(config);
+  return out;
 }
 
 }  // namespace fxagent::contract

@@ -7,7 +7,7 @@
 #include <string>
 #include <utility>
 
-#include "agent/cli/describe/payloads.h"
+#include "agent/cli/describe/schema_parts.h"
 #include "agent/cli/describe/topics.h"
 #include "agent/text/sha256.h"
 
@@ -24,7 +24,7 @@ Json without_references(Json schema, const Json& all) {
     schema = std::move(whole);
   }
   if (schema.is_object() && schema.contains("properties") && schema["properties"].contains("first"))
-    schema["properties"]["first"] = nullable({{"type", "object"}});
+    schema["properties"]["first"] = one_of({{{"type", "object"}}, {{"type", "null"}}});
   if (schema.is_structured())
     for (Json& part : schema) part = without_references(std::move(part), all);
   return schema;

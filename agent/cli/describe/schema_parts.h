@@ -1,6 +1,5 @@
-// JSON Schemas of the payloads of the contract, sections 2 to 6 and 11, for any agent. They use
-// only what draft 7 and draft 2020-12 have in common, except that references go to "#/$defs/". An
-// agent's payloads may have more keys in later versions; a command must not. Pure, any thread.
+// Parts of the JSON Schemas of `fxagent describe`. They use only what draft 7 and draft 2020-12
+// have in common, except that references go to "#/$defs/". Pure, any thread.
 #pragma once
 
 #include <cstdint>
@@ -14,21 +13,12 @@ namespace fxagent::contract {
 
 using Json = nlohmann::ordered_json;
 
-/// Returns all schemas by name: "agent_state", "sample", "command_write" …
-Json payload_schemas();
-
-// ---- parts of schemas
-
 Json reference(const std::string& name);
 /// Accepts what exactly one of the schemas accepts.
 Json one_of(Json::array_t schemas);
-/// Accepts null, too.
-Json nullable(Json schema);
 Json constant(Json value);
 /// Accepts nothing.
 Json never();
-/// Whole numbers that a double holds exactly.
-Json integer();
 /// "command_write" …
 std::string command_schema_name(Op op);
 /// Adds a key that `object` does not have. Json's own way searches all keys first, which takes
