@@ -59,62 +59,44 @@ class RowReader {
   std::vector<CsvRow> rows_;
 };
 
+struct Rows {
+  std::vector<CsvRow> list;  ///< up to the fault
+  std::optional<ImportFault> fault;
+};
+
+Rows rows_by(char delimiter, std::string_view text) {
+  RowReader reader(delimiter);
+  while (!text.empty()) {
+    const std::size_t end = text.find('\n');
+    const std::string_view line = text.substr(0, end == text.npos ? end : end + 1);
+    if (!reader.take(line)) return {reader.rows(), {{reader.line(), "a quote inside a cell"}}};
+    text.remove_prefix(line.size());
+  }
+  if (!reader.end()) return {reader.rows(), {{reader.line(), "the file ends inside quotes"}}};
+  return {reader.rows(), {}};
+}
+
+/// Returns the number of rows that have several cells, and of these cells.
+std::pair<std::size_t, std::size_t> divided(const Rows& rows) {
+  std::pair<std::size_t, std::size_t> sum;
+  for (const CsvRow& row : rows.list)
+    if (row.cells.size() > 1) sum = {sum.first + 1, sum.second + row.cells.size()};
+  return sum;
+}
+
 }  // namespace
 
 std::string_view CsvRow::at(std::size_t column) const {
   return column < cells.size() && cells[column] ? trimmed(*cells[column]) : std::string_view();
 }
 
-tl::expected<std::vector<CsvRow>, ImportFault> read_csv(std::string_view text, char delimiter) {
-  RowReader reader(delimiter);
-  while (!text.empty()) {
-    const std::size_t end = text.find('\n');
-    const std::string_view line = text.substr(0, end == text.npos ? end : end + 1);
-    if (!reader.take(line))
-      return tl::unexpected(ImportFault{reader.line(), "a quote inside a cell"});
-    text.remove_prefix(line.size());
-  }
-  if (!reader.end())
-    return tl::unexpected(ImportFault{reader.line(), "the file ends inside quotes"});
-  return reader.rows();
-}
-
-char csv_delimiter(std::string_view text) {
-  constexpr std::size_t kMostLines = 200;
-  struct Count {
-    char delimiter;
-    std::size_t lines = 0;
-    std::size_t cells = 0;
-    std::size_t in_line = 0;
-  };
-  std::array<Count, 3> counts{{{','}, {'\t'}, {';'}}};
-  bool in_quotes = false;
-  bool begins_cell = true;
-  std::size_t closed = text.npos;  // position of the last closing quote
-  std::size_t lines = 0;
-  for (std::size_t i = 0; i < text.size() && lines < kMostLines; ++i) {
-    const char c = text[i];
-    // A doubled quote in a quoted cell closes and reopens it.
-    if (c == '"' && (in_quotes || begins_cell || closed + 1 == i)) {
-      if (in_quotes) closed = i;
-      in_quotes = !in_quotes;
-    }
-    if (in_quotes) continue;
-    const auto count = std::ranges::find(counts, c, &Count::delimiter);
-    if (count != counts.end()) ++count->in_line;
-    begins_cell = count != counts.end() || c == '\n' || (begins_cell && c == ' ');
-    if (c != '\n' && i + 1 < text.size()) continue;
-    ++lines;
-    for (Count& each : counts) {
-      each.lines += each.in_line > 0 ? 1 : 0;
-      each.cells += std::exchange(each.in_line, 0);
-    }
-  }
-  // The header contains only the real delimiter, so that delimiter occurs in more lines than a
-  // character that only comments contain.
-  return std::ranges::max(counts, {},
-                          [](const Count& each) { return std::pair(each.lines, each.cells); })
-      .delimiter;
+tl::expected<std::vector<CsvRow>, ImportFault> read_csv(std::string_view text) {
+  std::array ways{rows_by(',', text), rows_by('\t', text), rows_by(';', text)};
+  // The header contains only the real delimiter, so that one divides more rows than a character
+  // that only comments contain. Quoted cells are faults with any other.
+  Rows& best = *std::ranges::max_element(ways, {}, divided);
+  if (best.fault) return tl::unexpected(*std::move(best.fault));
+  return std::move(best.list);
 }
 
 std::string csv_cell(const std::optional<std::string>& value) {

@@ -22,15 +22,9 @@ struct CsvRow {
   std::string_view at(std::size_t column) const;
 };
 
-/// Returns the delimiter (tab, semicolon or comma) that most of the first lines contain outside
-/// quotes.
-char csv_delimiter(std::string_view text);
-
-/// Returns every row that is not blank. `delimiter` is a comma, a semicolon or a tab.
-tl::expected<std::vector<CsvRow>, ImportFault> read_csv(std::string_view text, char delimiter);
-inline tl::expected<std::vector<CsvRow>, ImportFault> read_csv(std::string_view text) {
-  return read_csv(text, csv_delimiter(text));
-}
+/// Returns every row that is not blank. The delimiter is the comma, tab or semicolon that divides
+/// the most rows.
+tl::expected<std::vector<CsvRow>, ImportFault> read_csv(std::string_view text);
 
 /// Formats a cell for a comma-separated row: empty for nullopt, quotes ("") for an empty text.
 std::string csv_cell(const std::optional<std::string>& value);

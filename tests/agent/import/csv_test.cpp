@@ -5,8 +5,8 @@
 namespace fxagent {
 namespace {
 
-std::vector<CsvRow> rows(std::string_view text, char delimiter = ',') {
-  auto list = read_csv(text, delimiter);
+std::vector<CsvRow> rows(std::string_view text) {
+  auto list = read_csv(text);
   EXPECT_TRUE(list) << (list ? "" : list.error().text);
   return list ? *list : std::vector<CsvRow>{};
 }
@@ -38,30 +38,34 @@ TEST(Csv, AnEmptyTextIsToldFromNothing) {
 TEST(Csv, TheLastLineNeedsNoEnd) { EXPECT_EQ(rows("a,b").at(0).at(1), "b"); }
 
 TEST(Csv, BrokenQuotesAreTold) {
-  const auto inside = read_csv("a,b\nc,\"d\"e\n", ',');
+  const auto inside = read_csv("a,b\nc,\"d\"e\n");
   ASSERT_FALSE(inside);
   EXPECT_EQ(inside.error().line, 2);
-  const auto open = read_csv("a,\"b\nc", ',');
+  const auto open = read_csv("a,\"b\nc");
   ASSERT_FALSE(open);
   EXPECT_NE(open.error().text.find("ends inside quotes"), std::string::npos);
 }
 
 TEST(Csv, TheDelimiterIsWhatTheFileHasMostOf) {
-  EXPECT_EQ(csv_delimiter("a,b\nc,d\n"), ',');
-  EXPECT_EQ(csv_delimiter("a\tb,c\td\n"), '\t');
-  EXPECT_EQ(csv_delimiter("a;b;c\n1,5;2;3\n"), ';');
-  EXPECT_EQ(csv_delimiter(""), ',');
+  EXPECT_EQ(rows("a,b\nc,d\n").at(1).at(1), "d");
+  EXPECT_EQ(rows("a\tb,c\td\n").at(0).at(1), "b,c");
+  EXPECT_EQ(rows("a;b;c\n1,5;2;3\n").at(1).at(0), "1,5");
+  EXPECT_TRUE(rows("").empty());
 }
 
 TEST(Csv, WhatStandsInQuotesOrInCommentsIsNoDelimiter) {
-  EXPECT_EQ(csv_delimiter("\"Device Name\"\t\"Comment\"\n\"D0\"\t\"a, b, c, d\"\n"), '\t');
-  EXPECT_EQ(csv_delimiter("Device Name\tComment\nD0\ta, b, c, d\nD1\te, f, g, h\n"), '\t');
-  EXPECT_EQ(csv_delimiter("Press 5, hall 2\nDevice Name\tComment\nD0\tspeed\n"), '\t');
-  EXPECT_EQ(
-      csv_delimiter("device;name\nd;a\n#device;\"{\"\"a\"\": 1, \"\"b\"\": 2,\n\"\"c\"\": 3}\"\n"),
-      ';');
-  EXPECT_EQ(csv_delimiter("Name,Text\nD0,a; b; c; d\n"), ',');
-  EXPECT_EQ(csv_delimiter("Name;Text\nD0; \"a, \"\"b\"\", c, d\"\nD1;5\" pipe\n"), ';');
+  const std::string comments = "a, b, c, d";
+  EXPECT_EQ(rows("\"Device Name\"\t\"Comment\"\n\"D0\"\t\"a, b, c, d\"\n").at(1).at(1), comments);
+  EXPECT_EQ(rows("Device Name\tComment\nD0\ta, b, c, d\nD1\te, f, g, h\n").at(1).at(1), comments);
+  EXPECT_EQ(rows("Press 5, hall 2\nDevice Name\tComment\nD0\tspeed\n").at(2).at(1), "speed");
+  EXPECT_EQ(rows("device;name\nd;a\n#device;\"{\"\"a\"\": 1, \"\"b\"\": 2,\n\"\"c\"\": 3}\"\n")
+                .at(2)
+                .at(1),
+            "{\"a\": 1, \"b\": 2,\n\"c\": 3}");
+  EXPECT_EQ(rows("Name,Text\nD0,a; b; c; d\n").at(1).at(1), "a; b; c; d");
+  const auto pipe = read_csv("Name;Text\nD0; \"a, \"\"b\"\", c, d\"\nD1;5\" pipe\n");
+  ASSERT_FALSE(pipe);
+  EXPECT_EQ(pipe.error().line, 3);
 }
 
 TEST(Csv, CellsComeBackAsTheyWere) {

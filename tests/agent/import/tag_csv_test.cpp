@@ -164,7 +164,7 @@ TEST(TagCsv, RowsOfSeveralDevicesMakeEachOfThem) {
 TEST(TagCsv, AnExportOfTwoDevicesHasTheTagsOfBothUnderTheirNames) {
   json plant = small_plant();
   plant["devices"][1]["tags"] = json::parse(R"([{"name": "level", "address": "D5"}])");
-  const auto rows = read_csv(export_csv(plant.dump()), ',');
+  const auto rows = read_csv(export_csv(plant.dump()));
   ASSERT_TRUE(rows);
   std::vector<std::string> owners;
   for (const CsvRow& row : *rows)
@@ -178,7 +178,7 @@ TEST(TagCsv, AnExportOfTwoDevicesHasTheTagsOfBothUnderTheirNames) {
 }
 
 TEST(TagCsv, ASpreadsheetMaySaveItWithSemicolons) {
-  const auto rows = read_csv(export_csv(small_plant().dump()), ',');
+  const auto rows = read_csv(export_csv(small_plant().dump()));
   ASSERT_TRUE(rows);
   std::string text;
   for (const CsvRow& row : *rows) {
