@@ -1,6 +1,7 @@
 #include "agent/line_time.h"
 
 #include <algorithm>
+#include <utility>
 #include <variant>
 
 #include "protocol/plc.h"
@@ -53,6 +54,24 @@ Plan reads_of(const Codec& codec, const DeviceConfig& device, const Point& point
 nanoseconds read_time(const Codec& codec, const DeviceConfig& device, const Point& point,
                       std::span<const Holes::Limit> limits, const LineTiming& timing) {
   return poll_time(codec, reads_of(codec, device, point, limits), timing);
+}
+
+std::vector<GroupPlan> group_plans(const Codec& codec, const DeviceConfig& device,
+                                   nanoseconds char_time) {
+  const LineCost cost = cost_of(device, char_time, device.turnaround);
+  std::vector<GroupPlan> plans;
+  for (std::uint32_t g = 0; g < device.groups.size(); ++g) {
+    GroupPlan of_group{g, {}, {}, {}};
+    for (const TagConfig& tag : device.tags) {
+      if (tag.group != g) continue;
+      of_group.tags.push_back(&tag);
+      of_group.points.push_back(tag.point);
+    }
+    if (of_group.tags.empty()) continue;
+    of_group.plan = make_plan(codec, of_group.points, cost, device.max_block_bytes);
+    plans.push_back(std::move(of_group));
+  }
+  return plans;
 }
 
 nanoseconds poll_time(const Codec& codec, const Plan& plan, const LineTiming& timing) {

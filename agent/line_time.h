@@ -3,8 +3,10 @@
 #pragma once
 
 #include <chrono>
+#include <cstdint>
 #include <optional>
 #include <span>
+#include <vector>
 
 #include "agent/config/model.h"
 #include "protocol/plan/plan.h"
@@ -38,6 +40,17 @@ std::optional<Request> background_question(const Codec& codec, bool has_tags);
 /// Returns the costs that the planner weighs for `device`. `turnaround` is configured or measured.
 LineCost cost_of(const DeviceConfig& device, std::chrono::nanoseconds char_time,
                  std::chrono::nanoseconds turnaround);
+
+/// The polls of a group, before its device has refused or delayed any.
+struct GroupPlan {
+  std::uint32_t group = 0;             ///< index in DeviceConfig::groups
+  std::vector<const TagConfig*> tags;  ///< of the device
+  std::vector<Point> points;           ///< of `tags`
+  Plan plan;
+};
+/// Returns the polls of each group that has tags. `device` must outlive them.
+std::vector<GroupPlan> group_plans(const Codec& codec, const DeviceConfig& device,
+                                   std::chrono::nanoseconds char_time);
 
 /// Returns the bus time of all exchanges of a plan.
 std::chrono::nanoseconds poll_time(const Codec& codec, const Plan& plan, const LineTiming& timing);

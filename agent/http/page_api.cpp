@@ -16,7 +16,6 @@
 #include "agent/text/json_writer.h"
 #include "agent/text/text.h"
 #include "protocol/options.h"
-#include "protocol/plan/plan.h"
 
 namespace fxagent {
 namespace {
@@ -300,18 +299,11 @@ std::string page_plan(const Config& config, std::size_t link) {
   for (std::size_t d = 0; d < config.devices.size(); ++d) {
     const DeviceConfig& device = config.devices[d];
     if (device.is_vacant() || device.link != link || device.codec == nullptr) continue;
-    for (std::size_t g = 0; g < device.groups.size(); ++g) {
-      std::vector<Point> points;
-      for (const TagConfig& tag : device.tags)
-        if (tag.group == g) points.push_back(tag.point);
-      if (points.empty()) continue;
-      const Plan plan =
-          make_plan(*device.codec, points, cost_of(device, line.char_time, device.turnaround),
-                    device.max_block_bytes);
+    const LineTiming timing = timing_of(device, line.char_time);
+    for (const auto& [g, tags, points, plan] : group_plans(*device.codec, device, line.char_time)) {
       out.begin_object().key("d").integer(std::uint64_t{d}).key("g").integer(std::uint64_t{g});
       out.key("exchanges").integer(std::uint64_t{plan.exchange_count()}).key("ms");
-      is_known ? out.milliseconds(poll_time(*device.codec, plan, timing_of(device, line.char_time)))
-               : out.null();
+      is_known ? out.milliseconds(poll_time(*device.codec, plan, timing)) : out.null();
       out.end_object();
     }
   }

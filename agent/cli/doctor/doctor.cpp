@@ -31,7 +31,6 @@
 #include "agent/process/port_access.h"
 #include "agent/text/text.h"
 #include "protocol/checklist.h"
-#include "protocol/plan/plan.h"
 #include "protocol/plc.h"
 #include "protocol/value/word_order.h"
 
@@ -227,12 +226,12 @@ struct ReadSizes {
   std::uint32_t limit = 0;     ///< the smallest parts in which a refused read is answered
 };
 
-/// Tries one exchange of the plan, and notes a refusal. `tags` are those of its group.
-void judge_reads(ExaminedDevice& examined, const Plan& plan, ReadIndices exchange,
-                 const std::vector<const TagConfig*>& tags, ReadSizes& sizes,
-                 Diagnosis& diagnosis) {
-  const auto answer = examined.ask(plan.request(exchange));
-  const Read& first = plan.reads[exchange.front()].read;
+/// Tries one exchange of the group, and notes a refusal.
+void judge_reads(ExaminedDevice& examined, const GroupPlan& group, ReadIndices exchange,
+                 ReadSizes& sizes, Diagnosis& diagnosis) {
+  const auto answer = examined.ask(group.plan.request(exchange));
+  const auto& reads = group.plan.reads;
+  const Read& first = reads[exchange.front()].read;
   const bool is_one_block = first.gather == 0;
   if (answer.kind == ProbeAnswer::Kind::data && is_one_block)
     sizes.answered = std::max(sizes.answered, first.span.bits);
@@ -250,33 +249,21 @@ void judge_reads(ExaminedDevice& examined, const Plan& plan, ReadIndices exchang
     return;
   }
   for (const std::uint32_t read : exchange)
-    for (const std::uint32_t each : plan.reads[read].points)
-      judge_tag(examined, plan.reads[read].read, *tags[each], diagnosis);
+    for (const std::uint32_t each : reads[read].points)
+      judge_tag(examined, reads[read].read, *group.tags[each], diagnosis);
 }
 
 /// Tries every read of the plan.
 void judge_blocks(ExaminedDevice& examined, std::chrono::nanoseconds char_time,
                   Diagnosis& diagnosis) {
-  const DeviceConfig& device = examined.device;
   ReadSizes sizes;
-  for (std::size_t g = 0; g < device.groups.size(); ++g) {
-    std::vector<Point> points;
-    std::vector<const TagConfig*> tags;  // of `points`
-    for (const TagConfig& tag : device.tags) {
-      if (tag.group != g) continue;
-      points.push_back(tag.point);
-      tags.push_back(&tag);
-    }
-    const Plan plan =
-        make_plan(*examined.codec, points, cost_of(device, char_time, device.turnaround),
-                  device.max_block_bytes);
-    for (const auto& exchange : plan.exchanges)
-      judge_reads(examined, plan, exchange, tags, sizes, diagnosis);
-  }
+  for (const GroupPlan& group : group_plans(*examined.codec, examined.device, char_time))
+    for (const ReadIndices exchange : group.plan.exchanges)
+      judge_reads(examined, group, exchange, sizes, diagnosis);
   if (sizes.answered != 0) diagnosis.note("reads blocks of " + bytes_text(sizes.answered));
   if (sizes.limit == 0) return;
   diagnosis.fault(kDiffers, "blocks above " + bytes_text(sizes.limit) + " are refused");
-  diagnosis.change(device, "max_block_bytes", std::to_string(sizes.limit / kByteBits));
+  diagnosis.change(examined.device, "max_block_bytes", std::to_string(sizes.limit / kByteBits));
 }
 
 void judge_orders(const ExaminedDevice& examined, Diagnosis& diagnosis) {

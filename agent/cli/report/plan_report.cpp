@@ -37,13 +37,6 @@ std::shared_ptr<const Codec> widest(const DeviceConfig& device) {
   return widest_of(*device.protocol, device.codec);
 }
 
-/// Points of one group and the reads that fetch them.
-struct GroupPlan {
-  std::uint32_t group = 0;
-  std::vector<Point> points;
-  Plan plan;
-};
-
 /// Polls of a device as the field will send them.
 struct DevicePlan {
   std::shared_ptr<const Codec> codec;
@@ -62,17 +55,8 @@ struct DevicePlan {
 };
 
 DevicePlan plan_device(const DeviceConfig& device, nanoseconds char_time) {
-  DevicePlan out{widest(device), timing_of(device, char_time), {}};
-  for (std::uint32_t g = 0; g < device.groups.size(); ++g) {
-    GroupPlan group{g, {}, {}};
-    for (const TagConfig& tag : device.tags)
-      if (tag.group == g) group.points.push_back(tag.point);
-    if (group.points.empty()) continue;
-    group.plan = make_plan(*out.codec, group.points, cost_of(device, char_time, device.turnaround),
-                           device.max_block_bytes);
-    out.groups.push_back(std::move(group));
-  }
-  return out;
+  const auto codec = widest(device);
+  return {codec, timing_of(device, char_time), group_plans(*codec, device, char_time)};
 }
 
 /// Rank of a place as an example for the bound, lowest first: words, double words, bits; within
