@@ -4,7 +4,6 @@
 #include <prometheus/text_serializer.h>
 
 #include <algorithm>
-#include <array>
 #include <chrono>
 #include <cstddef>
 #include <functional>
@@ -12,6 +11,7 @@
 #include <optional>
 #include <sstream>
 #include <string_view>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -29,64 +29,9 @@ constexpr auto kCounter = MetricType::Counter;
 constexpr auto kGauge = MetricType::Gauge;
 constexpr auto kHistogram = MetricType::Histogram;
 
-double number(std::uint64_t count) { return static_cast<double>(count); }
-double yes(bool is_so) { return is_so ? 1 : 0; }
 double in_seconds(std::chrono::nanoseconds duration) {
   return std::chrono::duration<double>(duration).count();
 }
-
-// ---- metrics of each link and sample -----------------------------------------------------------
-
-struct OfLink {
-  std::string_view name;
-  std::string_view help;
-  MetricType type;
-  double (*value)(const LinkHealth&);
-};
-constexpr std::array kOfLinks{
-    OfLink{"fxagent_link_open", "1 if the port or the connection is open.", kGauge,
-           [](const LinkHealth& link) { return yes(link.open); }},
-    OfLink{"fxagent_exchanges_total", "Requests that were sent on the link.", kCounter,
-           [](const LinkHealth& link) { return number(link.exchanges); }},
-    OfLink{"fxagent_timeouts_total", "Exchanges without a complete answer in time.", kCounter,
-           [](const LinkHealth& link) { return number(link.timeouts); }},
-    OfLink{"fxagent_naks_total", "Exchanges that the device refused.", kCounter,
-           [](const LinkHealth& link) { return number(link.naks); }},
-    OfLink{"fxagent_bad_frames_total", "Exchanges with a damaged answer.", kCounter,
-           [](const LinkHealth& link) { return number(link.bad_frames); }},
-    OfLink{"fxagent_unexpected_bytes_total", "Unexpected bytes on the line.", kCounter,
-           [](const LinkHealth& link) { return number(link.unexpected_bytes); }},
-    OfLink{"fxagent_line_doubts_total", "Number of times that such bytes put the line in doubt.",
-           kCounter, [](const LinkHealth& link) { return number(link.doubts); }},
-    OfLink{"fxagent_line_doubted", "1 if the line is in doubt now.", kGauge,
-           [](const LinkHealth& link) { return yes(link.doubted); }},
-    OfLink{"fxagent_line_busy_ratio",
-           "Share of the last 5 s that exchanges and their silences took.", kGauge,
-           [](const LinkHealth& link) { return link.busy_percent / 100; }},
-    OfLink{"fxagent_line_load_ratio",
-           "Share of the line time that the poll intervals need; above 1 every group is polled "
-           "less often.",
-           kGauge, [](const LinkHealth& link) { return link.load_percent / 100; }}};
-
-struct OfSamples {
-  std::string_view name;
-  std::string_view help;
-  std::uint64_t SampleCounts::*count;
-};
-constexpr std::array kOfSamples{
-    OfSamples{"fxagent_samples_collected_total", "Samples made since the start.",
-              &SampleCounts::collected},
-    OfSamples{"fxagent_samples_recovered_total", "Samples found on disk at the start.",
-              &SampleCounts::recovered},
-    OfSamples{"fxagent_samples_suppressed_total", "Samples not published because nothing changed.",
-              &SampleCounts::suppressed},
-    OfSamples{"fxagent_samples_acknowledged_total", "Samples acknowledged by the broker.",
-              &SampleCounts::acknowledged},
-    OfSamples{"fxagent_samples_dropped_total", "Samples lost.", &SampleCounts::dropped},
-    OfSamples{"fxagent_samples_published_total", "Samples sent, repeats included.",
-              &SampleCounts::published}};
-
-// ---- the families -------------------------------------------------------------------------------
 
 /// One page. Writes each family as soon as it is complete: with many links they are large.
 class Page final {
@@ -128,12 +73,17 @@ class Page final {
     made.label = std::move(labels);
     return made;
   }
-  void add(Labels labels, double value) {
+  /// Adds a series; true is 1.
+  template <class Number>
+  requires std::is_arithmetic_v<Number>
+  void add(Labels labels, Number value) {
     ClientMetric& made = series(std::move(labels));
-    (family_.front().type == kCounter ? made.counter.value : made.gauge.value) = value;
+    (family_.front().type == kCounter ? made.counter.value : made.gauge.value) =
+        static_cast<double>(value);
   }
   /// Does nothing without a value.
-  void add(Labels labels, std::optional<double> value) {
+  template <class Number>
+  void add(Labels labels, std::optional<Number> value) {
     if (value) add(std::move(labels), *value);
   }
   void add(Labels labels, const DurationHistogram& durations) {
@@ -151,7 +101,8 @@ class Page final {
     made.histogram.sample_sum = in_seconds(durations.sum());
   }
   /// Adds a family of one series.
-  void one(std::string_view name, MetricType type, std::string_view help, double value) {
+  template <class Number>
+  void one(std::string_view name, MetricType type, std::string_view help, Number value) {
     begin(name, type, help);
     add({}, value);
   }
@@ -176,30 +127,40 @@ class Page final {
     add({{"agent", config_.id}, {"version", status_.version}}, 1);
     one("fxagent_uptime_seconds", kGauge, "Time since the start.", in_seconds(status_.uptime));
     one("process_resident_memory_bytes", kGauge, "Resident memory of the process.",
-        number(status_.rss_bytes));
+        status_.rss_bytes);
     one("fxagent_clock_synchronised", kGauge, "1 if the clock of this machine is synchronised.",
-        yes(status_.clock_synchronised));
+        status_.clock_synchronised);
     one("fxagent_identity_conflict", kGauge, "1 if another agent has the same id.",
-        yes(!status_.conflict.empty()));
+        !status_.conflict.empty());
   }
 
   void of_broker() {
     one("fxagent_broker_connected", kGauge, "1 if the agent is connected to a broker.",
-        yes(status_.broker.connected));
+        status_.broker.connected);
     one("fxagent_broker_subscribed", kGauge, "1 if the agent receives commands.",
-        yes(status_.broker.subscribed));
+        status_.broker.subscribed);
   }
 
   void of_samples() {
-    for (const OfSamples& each : kOfSamples)
-      one(each.name, kCounter, each.help, number(status_.samples.*each.count));
+    const SampleCounts& samples = status_.samples;
+    one("fxagent_samples_collected_total", kCounter, "Samples made since the start.",
+        samples.collected);
+    one("fxagent_samples_recovered_total", kCounter, "Samples found on disk at the start.",
+        samples.recovered);
+    one("fxagent_samples_suppressed_total", kCounter,
+        "Samples not published because nothing changed.", samples.suppressed);
+    one("fxagent_samples_acknowledged_total", kCounter, "Samples acknowledged by the broker.",
+        samples.acknowledged);
+    one("fxagent_samples_dropped_total", kCounter, "Samples lost.", samples.dropped);
+    one("fxagent_samples_published_total", kCounter, "Samples sent, repeats included.",
+        samples.published);
     begin("fxagent_samples_waiting", kGauge,
           "Samples that the broker has not acknowledged yet, by place.");
-    add({{"place", "queued"}}, number(status_.samples.queued));
-    add({{"place", "in_flight"}}, number(status_.samples.in_flight));
-    add({{"place", "stored"}}, number(status_.samples.stored));
+    add({{"place", "queued"}}, samples.queued);
+    add({{"place", "in_flight"}}, samples.in_flight);
+    add({{"place", "stored"}}, samples.stored);
     one("fxagent_samples_balanced", kGauge,
-        "0 only because of a bug: samples are not accounted for.", yes(status_.samples.balanced()));
+        "0 only because of a bug: samples are not accounted for.", samples.balanced());
   }
 
   /// Adds a family with a series for each profile, unless there is none.
@@ -207,39 +168,36 @@ class Page final {
   void of_each_profile(std::string_view name, MetricType type, std::string_view help, Value value) {
     begin(name, type, help);
     for (const ProfileStatus& profile : status_.profiles)
-      add({{"profile", profile.name}}, value(profile));
+      add({{"profile", profile.name}}, std::invoke(value, profile));
   }
 
   void of_profiles() {
     of_each_profile("fxagent_profile_connected", kGauge,
-                    "1 if the profile is connected to its broker.",
-                    [](const ProfileStatus& profile) { return yes(profile.connected); });
+                    "1 if the profile is connected to its broker.", &ProfileStatus::connected);
     of_each_profile("fxagent_profile_ready", kGauge, "1 if the profile sends samples.",
-                    [](const ProfileStatus& profile) { return yes(profile.ready); });
-    const auto count = [](std::uint64_t SampleCounts::*which) {
-      return [which](const ProfileStatus& profile) { return number(profile.samples.*which); };
-    };
+                    &ProfileStatus::ready);
     of_each_profile("fxagent_profile_samples_acknowledged_total", kCounter,
                     "Samples that the profile's broker acknowledged.",
-                    count(&SampleCounts::acknowledged));
+                    [](const ProfileStatus& profile) { return profile.samples.acknowledged; });
     of_each_profile("fxagent_profile_samples_dropped_total", kCounter,
-                    "Samples lost for the profile.", count(&SampleCounts::dropped));
+                    "Samples lost for the profile.",
+                    [](const ProfileStatus& profile) { return profile.samples.dropped; });
     of_each_profile("fxagent_profile_samples_waiting", kGauge,
                     "Samples that the profile's broker has not acknowledged yet.",
-                    [](const ProfileStatus& profile) { return number(profile.samples.waiting()); });
+                    [](const ProfileStatus& profile) { return profile.samples.waiting(); });
   }
 
   void of_store() {
     if (!config_.store.path.empty())
       one("fxagent_store_on_disk", kGauge,
           "1 if the disk takes writes; 0: samples are in memory only.",
-          yes(status_.store_state == "disk"));
-    one("fxagent_store_bytes", kGauge, "Size of backlog and journal.", number(status_.store_bytes));
+          status_.store_state == "disk");
+    one("fxagent_store_bytes", kGauge, "Size of backlog and journal.", status_.store_bytes);
     if (status_.hours_left)
       one("fxagent_store_left_seconds", kGauge,
           "Time until the store is full if no sample can be sent.", *status_.hours_left * 3600);
     if (!status_.audit_head.empty())
-      one("fxagent_audit_records", kGauge, "Records of the audit.", number(status_.audit_records));
+      one("fxagent_audit_records", kGauge, "Records of the audit.", status_.audit_records);
   }
 
   void of_commands() {
@@ -247,7 +205,7 @@ class Page final {
     for (const CommandStatus status : kCommandStatuses) {
       const auto found = status_.commands.find(status);
       add({{"status", std::string(to_string(status))}},
-          found == status_.commands.end() ? 0 : number(found->second));
+          found == status_.commands.end() ? 0 : found->second);
     }
     begin("fxagent_command_duration_seconds", kHistogram,
           "Commands that were sent to a device: from arrival to the hand-over of the result.");
@@ -255,9 +213,31 @@ class Page final {
   }
 
   void of_links() {
-    const auto& counters = status_.field->links;
-    for (const OfLink& each : kOfLinks)
-      of_each(each.name, each.type, each.help, config_.links, counters, each.value);
+    const auto each = [this](std::string_view name, MetricType type, std::string_view help,
+                             auto value) {
+      of_each(name, type, help, config_.links, status_.field->links, value);
+    };
+    each("fxagent_link_open", kGauge, "1 if the port or the connection is open.",
+         &LinkHealth::open);
+    each("fxagent_exchanges_total", kCounter, "Requests that were sent on the link.",
+         &LinkHealth::exchanges);
+    each("fxagent_timeouts_total", kCounter, "Exchanges without a complete answer in time.",
+         &LinkHealth::timeouts);
+    each("fxagent_naks_total", kCounter, "Exchanges that the device refused.", &LinkHealth::naks);
+    each("fxagent_bad_frames_total", kCounter, "Exchanges with a damaged answer.",
+         &LinkHealth::bad_frames);
+    each("fxagent_unexpected_bytes_total", kCounter, "Unexpected bytes on the line.",
+         &LinkHealth::unexpected_bytes);
+    each("fxagent_line_doubts_total", kCounter,
+         "Number of times that such bytes put the line in doubt.", &LinkHealth::doubts);
+    each("fxagent_line_doubted", kGauge, "1 if the line is in doubt now.", &LinkHealth::doubted);
+    each("fxagent_line_busy_ratio", kGauge,
+         "Share of the last 5 s that exchanges and their silences took.",
+         [](const LinkHealth& link) { return link.busy_percent / 100; });
+    each("fxagent_line_load_ratio", kGauge,
+         "Share of the line time that the poll intervals need; above 1 every group is polled less "
+         "often.",
+         [](const LinkHealth& link) { return link.load_percent / 100; });
     const auto& durations = status_.field->durations;
     of_each("fxagent_exchange_turnaround_seconds", kHistogram,
             "The devices' own time in exchanges that were answered.", config_.links, durations,
@@ -270,11 +250,11 @@ class Page final {
   void of_devices() {
     const auto whether = [](auto is_so) {
       return [is_so](const auto& device) {
-        return device == nullptr ? std::nullopt : std::optional(yes(is_so(*device)));
+        return device == nullptr ? std::nullopt : std::optional<bool>(std::invoke(is_so, *device));
       };
     };
     of_each("fxagent_device_up", kGauge, "1 if the device answers.", config_.devices,
-            status_.devices, whether(std::mem_fn(&DeviceStatus::is_alive)));
+            status_.devices, whether(&DeviceStatus::is_alive));
     of_each("fxagent_device_degraded", kGauge,
             "1 if the device answers but a tag is bad or its model is not known.", config_.devices,
             status_.devices, whether([](const DeviceStatus& device) {
@@ -285,22 +265,23 @@ class Page final {
             whether([](const DeviceStatus& device) { return !device.model_configured.empty(); }));
     const auto& counters = status_.field->devices;
     of_each("fxagent_polls_total", kCounter, "Poll cycles begun.", config_.devices, counters,
-            [](const DeviceHealth& device) { return number(device.polls); });
+            &DeviceHealth::polls);
     of_each("fxagent_missed_polls_total", kCounter, "Poll intervals skipped.", config_.devices,
-            counters, [](const DeviceHealth& device) { return number(device.missed); });
+            counters, &DeviceHealth::missed);
     of_each("fxagent_device_samples_dropped_total", kCounter,
-            "Samples of the device that are lost.", config_.devices, status_.dropped, number);
+            "Samples of the device that are lost.", config_.devices, status_.dropped,
+            std::identity());
     of_each("fxagent_device_samples_refused", kGauge,
             "1 if the broker refuses the device's samples now.", config_.devices, status_.refused,
-            [](const std::string& why) { return yes(!why.empty()); });
+            [](const std::string& why) { return !why.empty(); });
   }
 
   void of_connections() {
     begin("fxagent_http_connections_closed_total", kCounter,
           "Connections to this page that were closed before the answer was sent.");
-    add({{"why", "slow"}}, number(closed_.slow));
-    add({{"why", "crowded"}}, number(closed_.crowded));
-    add({{"why", "unanswered"}}, number(closed_.unanswered));
+    add({{"why", "slow"}}, closed_.slow);
+    add({{"why", "crowded"}}, closed_.crowded);
+    add({{"why", "unanswered"}}, closed_.unanswered);
   }
 
   const AgentStatus& status_;
