@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "agent/commands/result.h"
+#include "agent/store/journal/unrecorded_file.h"
 
 namespace fxagent {
 namespace {
@@ -37,6 +38,10 @@ CommandLineAudit::CommandLineAudit(const StoreConfig& config, std::int64_t utc_m
       audit_(config, disk_) {
   disk_.set_parts({&audit_});
   disk_.open();
+  if (!disk_.is_writable()) return;
+  // Commands that an agent received while the disk refused them have numbers, too.
+  for (const JournalEntry& entry : UnrecordedFile::entries_in(config.path))
+    audit_.count_above(entry.number);
 }
 
 std::string CommandLineAudit::fault() const {

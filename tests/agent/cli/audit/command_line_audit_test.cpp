@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "agent/commands/result.h"
+#include "agent/store/journal/unrecorded_file.h"
 #include "agent/store/store.h"
 #include "tests/agent/store/shelf.h"
 
@@ -88,6 +89,20 @@ TEST_F(CommandLineAuditTest, AgentGoesOnWithTheChainAndTheNumbers) {
   agent.journal().note(audit::begun("", kNow));
   agent.close();
   EXPECT_EQ(records().size(), 3U);
+}
+
+TEST_F(CommandLineAuditTest, NumberOfACommandThatTheDiskRefusedIsNotTakenAgain) {
+  Store(config, kNow).close();
+  JournalEntry refused;
+  refused.number = 57;
+  refused.device = "press1";
+  refused.id = "b7e1";
+  UnrecordedFile file(config.path);
+  file.open();
+  file.keep(refused);
+  CommandLineAudit audit(config, kNow, "press1", "write press1 D100 5");
+  ASSERT_TRUE(audit.admitted(command));
+  EXPECT_EQ(records().back()["arrival"], 58);
 }
 
 TEST_F(CommandLineAuditTest, StoreOfAnAgentThatRunsTakesNothing) {
