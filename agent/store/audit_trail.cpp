@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <chrono>
+#include <filesystem>
+#include <system_error>
 #include <utility>
 
 namespace fxagent {
@@ -21,6 +23,21 @@ audit::Head head_of(const SQLite::Statement& row) {
   const ByteView hash = sqlite::bytes(row, 1);
   std::copy_n(hash.begin(), std::min(hash.size(), head.hash.size()), head.hash.begin());
   return head;
+}
+
+/// Opens the file also on a read-only disk, unless its newest records are only in a WAL that cannot
+/// be read there.
+SQLite::Database open_audit(const std::string& path) {
+  try {
+    SQLite::Database database(path, SQLite::OPEN_READONLY | SQLite::OPEN_NOMUTEX, kPatienceMs);
+    database.execAndGet("PRAGMA schema_version");  // the first read opens the WAL
+    return database;
+  } catch (const SQLite::Exception&) {
+    std::error_code none;
+    const auto bytes = std::filesystem::file_size(path + "-wal", none);
+    if (!none && bytes > 0) throw;
+  }
+  return sqlite::open_read_only(path);
 }
 
 }  // namespace
@@ -149,8 +166,7 @@ std::optional<AuditTrail::Unread> AuditTrail::read(const std::string& path,
                                                    audit::Head& head) {
   head = {};
   const auto fault = sqlite::attempt([&] {
-    SQLite::Database database(path, SQLite::OPEN_READONLY | SQLite::OPEN_NOMUTEX);
-    database.setBusyTimeout(kPatienceMs);
+    SQLite::Database database = open_audit(path);
     // One transaction: head and records match even if the agent writes at the same time.
     const SQLite::Transaction transaction(database);
     SQLite::Statement kept(database, "SELECT records, hash FROM audit_head");

@@ -164,6 +164,20 @@ TEST(AuditTrail, RecordsThatWereNotCommittedLeaveNoTrace) {
   EXPECT_EQ(bench.left, 5U);
 }
 
+TEST(AuditTrail, IsReadOnAReadOnlyDiskUnlessItsNewestRecordsCannotBe) {
+  TrailBench bench;
+  bench.append(3);
+  bench.disk.close();
+  const std::string path = store_file_path(bench.config.path);
+  std::filesystem::create_symlink("/", path + "-shm");  // SQLite cannot make this file
+  EXPECT_TRUE(bench.findings().empty());
+  EXPECT_EQ(bench.left, 3U);
+  std::ofstream(path + "-wal") << "records";
+  audit::Head head;
+  EXPECT_TRUE(AuditTrail::read(
+      path, [](const audit::Record&) {}, head));
+}
+
 TEST(AuditTrail, PrunesToItsSizeAndStaysWhole) {
   TrailBench bench;
   bench.append(1000);
