@@ -13,7 +13,8 @@ using std::chrono::seconds;
 constexpr seconds kNoAcknowledgement{30};  // a broker silent for this long is abandoned
 constexpr std::chrono::milliseconds kBetweenChecks{100};  // between checks of the connection
 constexpr seconds kLibraryForgot{1};                      // time for the library to report a loss
-constexpr seconds kGoodbye{2};  // wait for Disconnected before connecting anyway
+constexpr seconds kGoodbye{2};             // wait for Disconnected before connecting anyway
+constexpr std::size_t kMostFailures = 16;  // that are known as logged; a broker may send any text
 
 }  // namespace
 
@@ -36,7 +37,7 @@ void Session::on(const Connected& event, SteadyTime now) {
   starting_ = false;
   connected_at_ = now;
   connects_.connection_began(now);
-  last_failure_.clear();
+  failures_.clear();
   why_not_connected_.clear();
   outgoing_.begin(event);
   log::info("broker_connected",
@@ -46,10 +47,9 @@ void Session::on(const Connected& event, SteadyTime now) {
 
 void Session::on(const ConnectFailed& event, SteadyTime now) {
   if (state_ != State::connecting) return;
-  if (event.text != last_failure_) {  // log a repeated failure once
+  if (failures_.insert(event.text).second)
     log::warn("broker_unreachable", {{"server", log_name()}, {"reason", event.text}});
-    last_failure_ = event.text;
-  }
+  if (failures_.size() > kMostFailures) failures_ = {event.text};
   why_not_connected_ = event.text;
   state_ = State::waiting;
   starting_ = false;
@@ -113,7 +113,7 @@ void Session::reconnect_with_one_in_flight(SteadyTime now) {
 void Session::restart(SteadyTime now) {
   const bool was_connected = state_ == State::connected;
   connects_.restart();
-  last_failure_.clear();
+  failures_.clear();
   receive_maximum_ = kReceiveMaximum;
   if (was_connected) {
     broker_.disconnect(will_);

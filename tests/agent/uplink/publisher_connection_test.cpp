@@ -2,6 +2,8 @@
 // commands.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "tests/agent/uplink/publisher_bench.h"
 
 namespace fxagent {
@@ -139,6 +141,27 @@ TEST_F(PublisherConnectionTest, LossInTheMiddleOfConnectingIsAnAttemptThatFailed
   bench.step();
   bench.broker.reachable = true;
   EXPECT_LE(until_next_connect(bench), 2s) << "not the 30 s of a library that never answers";
+}
+
+TEST_F(PublisherConnectionTest, EachFailureOfTwoServersIsLoggedOnceUntilAConnection) {
+  bench.broker.reachable = false;
+  const auto lines = [this] {
+    testing::internal::CaptureStderr();
+    for (int attempt = 0; attempt < 6; ++attempt) {
+      bench.broker.answers = attempt % 2 == 0;
+      until_next_connect(bench);
+    }
+    const std::string log = testing::internal::GetCapturedStderr();
+    return std::ranges::count(log, '\n');
+  };
+  bench.step();
+  EXPECT_EQ(lines(), 2) << "connection refused, no answer";
+  EXPECT_EQ(lines(), 0);
+  bench.broker.reachable = true;
+  until_next_connect(bench);
+  bench.broker.reachable = false;
+  bench.lose_connection();
+  EXPECT_EQ(lines(), 2);
 }
 
 // ---- the next attempt ---------------------------------------------------------------------------
