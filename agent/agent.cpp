@@ -163,9 +163,8 @@ ProfileParts make_profile(const Config& config, const ProfileConfig& what,
 }
 
 /// Waits on standby until this gateway of a pair is to run the agent. A stop signal ends the
-/// process meanwhile. Calls `hangup` at each SIGHUP. Returns a number below which no sequence
-/// number may be used.
-std::uint64_t stand_by(PairMember& pair, const std::function<void()>& hangup) {
+/// process meanwhile. Calls `hangup` at each SIGHUP.
+PairMember::Claimed stand_by(PairMember& pair, const std::function<void()>& hangup) {
   service_manager::notify_ready();
   service_manager::notify_status("standby of its pair");
   ThreadProgress library(kLibraryThreads, "pair");
@@ -200,8 +199,8 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
     check_local(config, path, remote);
     begin = Reload::Begin::with_reload;
   };
-  const std::uint64_t first_seq = pair ? stand_by(*pair, hangup) : 0;
-  settings.first_seq = first_seq;
+  PairMember::Claimed claimed = pair ? stand_by(*pair, hangup) : PairMember::Claimed{};
+  settings.first_seq = claimed.floor;
   if (pair)
     settings.is_ours = [member = pair.get()](const std::string& boot) {
       return member->knows(boot);
@@ -213,7 +212,7 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
       store ? std::make_unique<GuardedStore>(*store, [&outbox] { outbox.notify(); }) : nullptr;
   const auto recorder = make_recorder(config);
   std::vector<std::uint64_t> numbers = first_numbers(config, store.get(), utc_now_ms());
-  for (std::uint64_t& number : numbers) number = std::max(number, first_seq);
+  for (std::uint64_t& number : numbers) number = std::max(number, claimed.floor);
   Field field(config, outbox, numbers, Polling::on, recorder.get(), permit);
   const auto submit = [&field](AdmittedCommand admitted) { field.submit(std::move(admitted)); };
   Commands commands(
@@ -221,7 +220,7 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
       [&config, &pair, submit](AdmittedCommand admitted) {
         if (!pair) return submit(std::move(admitted));
         const std::string& device = std::as_const(config).devices.at(admitted.command.device).name;
-        pair->announce(std::move(admitted), device, submit);
+        pair->announcements().add(std::move(admitted), device, submit);
       },
       guarded ? &guarded->journal() : nullptr,
       [&field, &outbox](const std::string& link, std::chrono::minutes time, const std::string& text,
@@ -232,7 +231,8 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
       });
   if (guarded) {
     const auto now = std::chrono::steady_clock::now();
-    const auto newer = pair ? pair->hand_over_to(*store) : store->journal().unwritten();
+    if (pair) take_over(claimed.unwritten, *store);
+    const auto newer = pair ? claimed.unwritten : store->journal().unwritten();
     commands.restore(recover(config, guarded->journal(), utc_now_ms(), now, newer), now,
                      utc_now_ms());
   }
@@ -289,12 +289,12 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
              }});
   const auto take_back = [&](const std::vector<std::uint32_t>& ending, std::function<void()> done) {
     if (!pair) return done();
-    pair->take_back(ending,
-                    [&outbox, done = std::move(done)](std::vector<AdmittedCommand> waiting) {
-                      for (const AdmittedCommand& each : waiting)
-                        outbox.push(not_sent(each, Reason::reloading));
-                      done();
-                    });
+    pair->announcements().take_back(
+        ending, [&outbox, done = std::move(done)](std::vector<AdmittedCommand> waiting) {
+          for (const AdmittedCommand& each : waiting)
+            outbox.push(not_sent(each, Reason::reloading));
+          done();
+        });
   };
   Reload reload(path, remote, std::move(in_force), field, outbox, publisher, take_back, begin);
   std::jthread uplink([&](std::stop_token stop) {
@@ -332,7 +332,7 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
   metrics.reset();
   if (pair) {
     outbox.refuse_commands();
-    pair->release();
+    pair->announcements().release();
   }
   watchdog.stage("links", [&field] { return field.unfinished(); });
   field.stop();

@@ -3,24 +3,36 @@
 #include <algorithm>
 #include <utility>
 
+#include "agent/pair/pair_messages.h"
+
 namespace fxagent {
 
-void Announcements::add(Waiting waiting) {
-  {
-    const std::lock_guard lock(mutex_);
-    if (!released_) return added_.push_back(std::move(waiting));
-  }
-  waiting.submit(std::move(waiting.command));
+void Announcements::add(AdmittedCommand command, const std::string& device, const Submit& submit) {
+  if (command.command.op == Op::read) return submit(std::move(command));
+  std::string text = pair_messages::announcement({.boot = boot_,
+                                                  .id_is_number = command.command.id_is_number,
+                                                  .entry = entry_of(command, device)});
+  std::unique_lock lock(mutex_);
+  const bool waits = !released_;
+  if (waits) added_.push_back({std::move(command), std::move(text), submit});
+  lock.unlock();
+  waits ? wake_() : submit(std::move(command));
 }
 
 void Announcements::release() {
-  const std::lock_guard lock(mutex_);
-  released_ = true;
+  {
+    const std::lock_guard lock(mutex_);
+    released_ = true;
+  }
+  wake_();
 }
 
 void Announcements::take_back(std::vector<std::uint32_t> devices, TakenBack done) {
-  const std::lock_guard lock(mutex_);
-  requests_.push_back({std::move(devices), std::move(done)});
+  {
+    const std::lock_guard lock(mutex_);
+    requests_.push_back({std::move(devices), std::move(done)});
+  }
+  wake_();
 }
 
 void Announcements::step(std::size_t window, const Publish& publish, SteadyTime now) {

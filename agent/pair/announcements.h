@@ -8,6 +8,7 @@
 #include <list>
 #include <mutex>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "agent/commands/admitted_command.h"
@@ -18,20 +19,18 @@ namespace fxagent {
 class Announcements final {
  public:
   using Submit = std::function<void(AdmittedCommand)>;
-  /// A command, the text that announces it, and what takes it afterwards.
-  struct Waiting {
-    AdmittedCommand command;
-    std::string text;
-    Submit submit;
-    std::uint64_t publication = 0;  ///< on its way to the broker; 0: not published yet, or refused
-    bool is_refused = false;
-  };
   /// Publishes a text to the other gateway. Returns the id of the publication, above 0.
   using Publish = std::function<std::uint64_t(std::string text)>;
 
-  /// Takes a command to announce. After release() it is submitted at once. Any thread.
-  void add(Waiting waiting);
-  /// From now on commands are submitted without an announcement. Any thread.
+  /// `boot`: of this process. `wake` makes the pair's thread call step().
+  Announcements(std::string boot, std::function<void()> wake)
+      : boot_(std::move(boot)), wake_(std::move(wake)) {}
+
+  /// Announces the command to the other gateway, then passes it to `submit` on the pair's thread. A
+  /// read, and each command after release(), is passed at once. `device`: its name. Any thread.
+  void add(AdmittedCommand command, const std::string& device, const Submit& submit);
+  /// Submits everything that waits, and later commands, without an announcement. The field must
+  /// refuse commands by now. Any thread.
   void release();
   /// Takes back the commands for these devices that are not submitted yet, and passes them to
   /// `done` on the pair's thread. Add no more for them afterwards; then none is submitted. Any
@@ -51,12 +50,22 @@ class Announcements final {
   void refused(std::uint64_t id);
 
  private:
+  /// A command, the text that announces it, and what takes it afterwards.
+  struct Waiting {
+    AdmittedCommand command;
+    std::string text;
+    Submit submit;
+    std::uint64_t publication = 0;  ///< on its way to the broker; 0: not published yet, or refused
+    bool is_refused = false;
+  };
   struct Request {
     std::vector<std::uint32_t> devices;
     TakenBack done;
   };
   std::list<Waiting>::iterator published(std::uint64_t id);
 
+  const std::string boot_;
+  const std::function<void()> wake_;
   std::list<Waiting> waiting_;  ///< in order of arrival
 
   std::mutex mutex_;

@@ -56,7 +56,8 @@ PairMember::PairMember(const Config& config, std::string boot)
       permit_(pair_.quiet),
       peers_({pair_.member, boot_, pair_.quiet}),
       state_(pair_.quiet, peers_),
-      journal_(std::make_unique<StandbyJournal>(config_.store)) {
+      journal_(std::make_unique<StandbyJournal>(config_.store)),
+      announcements_(boot_, [this] { wake(); }) {
   const WithoutSignals quiet;
   thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
 }
@@ -64,8 +65,14 @@ PairMember::PairMember(const Config& config, std::string boot)
 PairMember::~PairMember() {
   permit_.revoke();
   thread_.request_stop();
-  const std::lock_guard lock(mutex_);
   wake();
+}
+
+void PairMember::wake(const std::function<void()>& change) {
+  const std::lock_guard lock(mutex_);
+  change();
+  woken_ = true;
+  news_.notify_all();
 }
 
 Publication PairMember::offline_status() const {
@@ -90,71 +97,33 @@ std::uint64_t PairMember::publish_in_journal(Broker& session, std::string text) 
 
 // ---- called by other threads --------------------------------------------------------------------
 
-std::uint64_t PairMember::await_claim(const std::function<void()>& waits) {
+PairMember::Claimed PairMember::await_claim(const std::function<void()>& waits) {
   std::unique_lock lock(mutex_);
   std::uint64_t rounds = rounds_;
-  while (!floor_) {
+  while (!claimed_) {
     if (rounds_ != rounds) {
       rounds = rounds_;
       lock.unlock();
       waits();
       lock.lock();
     }
-    news_.wait_for(lock, seconds(1), [this] { return floor_.has_value(); });
+    news_.wait_for(lock, seconds(1), [this] { return claimed_.has_value(); });
   }
-  return *floor_;
-}
-
-std::vector<JournalEntry> PairMember::hand_over_to(Store& store) {
-  std::vector<JournalEntry> entries;
-  {
-    const std::lock_guard lock(mutex_);
-    entries = std::exchange(unwritten_, {});
-  }
-  take_over(entries, store);
-  return entries;
+  return std::move(*claimed_);
 }
 
 void PairMember::agent_began(Agent agent) {
-  const std::lock_guard lock(mutex_);
-  agent_ = std::move(agent);
-  wake();
-}
-
-void PairMember::announce(AdmittedCommand command, const std::string& device,
-                          const Announcements::Submit& submit) {
-  if (command.command.op == Op::read) return submit(std::move(command));
-  std::string text = pair_messages::announcement({.boot = boot_,
-                                                  .id_is_number = command.command.id_is_number,
-                                                  .entry = entry_of(command, device)});
-  announcements_.add({std::move(command), std::move(text), submit});
-  const std::lock_guard lock(mutex_);
-  wake();
-}
-
-void PairMember::take_back(std::vector<std::uint32_t> devices, Announcements::TakenBack done) {
-  announcements_.take_back(std::move(devices), std::move(done));
-  const std::lock_guard lock(mutex_);
-  wake();
+  wake([&] { agent_ = std::move(agent); });
 }
 
 void PairMember::reply(JournalEntry answered) {
-  const std::lock_guard lock(mutex_);
-  answered_.push_back(std::move(answered));
-  wake();
-}
-
-void PairMember::release() {
-  announcements_.release();
-  const std::lock_guard lock(mutex_);
-  wake();
+  wake([&] { answered_.push_back(std::move(answered)); });
 }
 
 void PairMember::leave() {
   permit_.revoke();
+  wake([this] { leaving_ = true; });
   std::unique_lock lock(mutex_);
-  leaving_ = true;
-  wake();
   news_.wait_for(lock, 2 * kFarewell, [this] { return left_; });
 }
 
@@ -166,10 +135,7 @@ bool PairMember::knows(const std::string& boot) const {
 // ---- the thread ---------------------------------------------------------------------------------
 
 void PairMember::run(const std::stop_token& stop) {
-  const auto notify = [this] {
-    const std::lock_guard lock(mutex_);
-    wake();
-  };
+  const auto notify = [this] { wake(); };
   member_.emplace(
       std::make_unique<PahoBroker>(
           settings_with(config_.mqtt, "-pair-" + pair_.member), [this] { return offline_status(); },
@@ -447,12 +413,8 @@ void PairMember::go_on_with_claim(BootTime now) {
   journal_.reset();
   state_.has_claimed(boot_time_now());
   permit_.revoke();
-  {
-    const std::lock_guard lock(mutex_);
-    unwritten_ = std::move(unwritten);
-    floor_ = std::max(static_cast<std::uint64_t>(utc_now_ms()), peers_.highest_seq());
-    news_.notify_all();
-  }
+  floor_ = std::max(static_cast<std::uint64_t>(utc_now_ms()), peers_.highest_seq());
+  wake([&] { claimed_ = {floor_, std::move(unwritten)}; });
   // At once: the number shows the other gateway that this one has held the pair.
   carry_out(PairState::Action::send_heartbeat, now);
 }
@@ -467,9 +429,9 @@ void PairMember::carry_out(PairState::Action action, BootTime now) {
       return drop_lease(now);
     case PairState::Action::send_heartbeat: {
       std::uint64_t seq = peers_.highest_seq();
-      {
+      if (floor_ != 0) {
         const std::lock_guard lock(mutex_);
-        if (floor_) seq = std::max(agent_ ? agent_->highest_seq() : 0, *floor_) + kReserve;
+        seq = std::max(agent_ ? agent_->highest_seq() : 0, floor_) + kReserve;
       }
       const std::string text = pair_messages::heartbeat({boot_, seq}, next_id_);
       return state_.heartbeat_sent(publish(*lease_, retained(topic("/heartbeat"), text)), now);

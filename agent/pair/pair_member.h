@@ -24,7 +24,7 @@
 #include <thread>
 #include <vector>
 
-#include "agent/commands/admitted_command.h"
+#include "agent/commands/journal.h"
 #include "agent/config/model.h"
 #include "agent/handover/line_permit.h"
 #include "agent/pair/announcements.h"
@@ -50,6 +50,12 @@ class PairMember final {
     std::function<void(JournalEntry left, const std::string& topic)> take_unanswered;
   };
 
+  /// What the agent begins with after the claim.
+  struct Claimed {
+    std::uint64_t floor = 0;              ///< no sequence number below it may be used
+    std::vector<JournalEntry> unwritten;  ///< what the disk refused to record on standby
+  };
+
   /// `config` has a pair. `boot`: of this process. Starts the thread. Throws std::system_error, and
   /// what Store() throws.
   PairMember(const Config& config, std::string boot);
@@ -59,26 +65,16 @@ class PairMember final {
 
   /// Waits until this gateway has claimed the pair and its store has the journal of the other one.
   /// The store is closed afterwards. Calls `waits` about every second while the pair's thread goes
-  /// on. Returns a number below which no sequence number may be used. Main thread.
-  std::uint64_t await_claim(const std::function<void()>& waits);
-  /// Passes to `store`, the agent's, what the disk refused to record on standby, and returns it as
-  /// it stands there. After await_claim(). Main thread.
-  std::vector<JournalEntry> hand_over_to(Store& store);
+  /// on. Main thread.
+  Claimed await_claim(const std::function<void()>& waits);
   /// The agent runs.
   void agent_began(Agent agent);
   const LinePermit& permit() const { return permit_; }
 
-  /// Announces the command to the other gateway, then passes it to `submit` on the pair's thread. A
-  /// read is passed at once. Uplink thread.
-  void announce(AdmittedCommand command, const std::string& device,
-                const Announcements::Submit& submit);
-  /// Same as Announcements::take_back().
-  void take_back(std::vector<std::uint32_t> devices, Announcements::TakenBack done);
+  /// Announces the commands of the agent. Any thread, as described there.
+  Announcements& announcements() { return announcements_; }
   /// Tells the other gateway that the result of this command is published. Any thread.
   void reply(JournalEntry answered);
-  /// Passes everything that waits to `submit`, without an announcement, and later commands too. The
-  /// field must refuse commands by now.
-  void release();
   /// Ends the role of this gateway, after the field has stopped: the other one takes over.
   void leave();
 
@@ -89,11 +85,8 @@ class PairMember final {
   /// Steps of a claim, in order.
   enum class Claim : std::uint8_t { none, evicting, marking, marked, claimed };
 
-  /// Makes the thread begin its next round. Under mutex_.
-  void wake() {
-    woken_ = true;
-    news_.notify_all();
-  }
+  /// Calls `change` under mutex_, and makes the thread begin its next round.
+  void wake(const std::function<void()>& change = [] {});
   void run(const std::stop_token& stop);
   void keep(BootTime now);
   void take_member_events(BootTime now);
@@ -127,13 +120,12 @@ class PairMember final {
   std::atomic<bool> leaving_ = false;  ///< written under mutex_ with woken_, read without it
   mutable std::mutex mutex_;
   std::condition_variable news_;
-  bool woken_ = false;                   ///< under mutex_
-  bool left_ = false;                    ///< under mutex_
-  std::uint64_t rounds_ = 0;             ///< under mutex_
-  std::optional<std::uint64_t> floor_;   ///< under mutex_; nullopt: the pair is not claimed yet
-  std::optional<Agent> agent_;           ///< under mutex_; nullopt: it does not run yet
-  std::vector<JournalEntry> unwritten_;  ///< under mutex_
-  std::deque<JournalEntry> answered_;    ///< under mutex_
+  bool woken_ = false;                 ///< under mutex_
+  bool left_ = false;                  ///< under mutex_
+  std::uint64_t rounds_ = 0;           ///< under mutex_
+  std::optional<Claimed> claimed_;     ///< under mutex_; nullopt: the pair is not claimed yet
+  std::optional<Agent> agent_;         ///< under mutex_; nullopt: it does not run yet
+  std::deque<JournalEntry> answered_;  ///< under mutex_
 
   // Of the pair's thread.
   PairPeers peers_;  ///< what it hears is written under mutex_, for knows()
@@ -146,6 +138,7 @@ class PairMember final {
   std::unique_ptr<Broker> evicting_;  ///< the session of the agent, to end that of the other one
   std::size_t window_ = 0;            ///< of announcements; 0: the lease session is not connected
   Claim claim_ = Claim::none;
+  std::uint64_t floor_ = 0;    ///< Claimed::floor; 0 before
   bool over_ = false;          ///< the lease ended while the agent stops
   std::uint64_t next_id_ = 1;  ///< of publish(); heartbeats and marks have it as their number
   std::uint64_t mark_ = 0;

@@ -4,6 +4,8 @@
 
 #include <chrono>
 
+#include "agent/pair/pair_messages.h"
+
 namespace fxagent {
 namespace {
 
@@ -16,21 +18,23 @@ struct AnnouncementsTest : ::testing::Test {
     command.command.id = id;
     command.command.device = device;
     command.deadline = now + allowed;
-    announcements.add({std::move(command), "announces " + id,
-                       [this](AdmittedCommand c) { submitted.push_back(c.command.id); }});
+    announcements.add(std::move(command), "press1",
+                      [this](AdmittedCommand c) { submitted.push_back(c.command.id); });
   }
   void step(std::size_t window = 8) {
     announcements.step(
         window,
-        [this](std::string text) {
-          published.push_back(std::move(text));
+        [this](const std::string& text) {
+          const auto announcement = pair_messages::announcement_from(text);
+          published.push_back("announces " + announcement.value().entry.id);
           return published.size();
         },
         now);
   }
 
   SteadyTime now{1h};
-  Announcements announcements;
+  int wakes = 0;
+  Announcements announcements{"boot", [this] { ++wakes; }};
   Texts published;  ///< with the ids 1, 2, ...
   Texts submitted;
 };
@@ -47,6 +51,26 @@ TEST_F(AnnouncementsTest, CommandIsSubmittedWhenTheBrokerHasItsAnnouncement) {
   EXPECT_EQ(submitted, Texts{"b"});
   EXPECT_TRUE(announcements.delivered(1));
   EXPECT_EQ(submitted, (Texts{"b", "a"}));
+}
+
+TEST_F(AnnouncementsTest, ReadNeedsNoAnnouncement) {
+  AdmittedCommand command;
+  command.command.op = Op::read;
+  command.command.id = "r";
+  announcements.add(std::move(command), "press1",
+                    [this](AdmittedCommand c) { submitted.push_back(c.command.id); });
+  EXPECT_EQ(submitted, Texts{"r"});
+  step();
+  EXPECT_EQ(published, Texts{});
+}
+
+TEST_F(AnnouncementsTest, WhatMustNotWaitWakesThePairsThread) {
+  add("a");
+  EXPECT_EQ(wakes, 1);
+  announcements.take_back({0}, [](const std::vector<AdmittedCommand>&) {});
+  EXPECT_EQ(wakes, 2);
+  announcements.release();
+  EXPECT_EQ(wakes, 3);
 }
 
 TEST_F(AnnouncementsTest, NothingIsAnnouncedWithoutTheLease) {
