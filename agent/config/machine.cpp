@@ -113,10 +113,14 @@ std::vector<std::string> weak_tokens(const std::string& path) {
 ConfigErrors check_files(const Config& config) {
   ConfigErrors missing;
   const auto must_be_readable = [&](std::string pointer, const std::string& path) {
-    if (!path.empty() && ::access(path.c_str(), R_OK) != 0)
+    if (path.empty()) return;
+    struct stat file {};
+    int error = ::access(path.c_str(), R_OK) == 0 ? 0 : errno;
+    if (error == 0 && ::stat(path.c_str(), &file) == 0 && S_ISDIR(file.st_mode)) error = EISDIR;
+    if (error != 0)
       missing.push_back(
           {std::move(pointer), 0,
-           shown(path) + " cannot be read: " + std::generic_category().message(errno)});
+           shown(path) + " cannot be read: " + std::generic_category().message(error)});
   };
   for (const auto& [place, mqtt] : brokers_of(config)) {
     if (mqtt->tls) {
@@ -152,6 +156,12 @@ ConfigErrors weak_secrets(const Config& config) {
   for (const auto& [place, mqtt] : brokers_of(config)) {
     if (mqtt->tls) look(place + "/tls/key_file", mqtt->tls->key_file);
     look(place + "/password_file", mqtt->password_file);
+    struct stat file {};
+    if (!mqtt->password_file.empty() && ::stat(mqtt->password_file.c_str(), &file) == 0 &&
+        S_ISREG(file.st_mode) && file.st_size == 0)
+      weak.push_back(
+          {place + "/password_file", 0,
+           shown(mqtt->password_file) + " is empty: write the broker's password into it"});
   }
   if (config.http) look("/http/token_file", config.http->token_file);
   for (std::string& why : weak_tokens(config.http ? config.http->token_file : std::string()))

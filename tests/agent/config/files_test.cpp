@@ -131,6 +131,20 @@ TEST_F(ConfigFiles, WhatThisMachineLacksIsNamed) {
       << listed(missing);
 }
 
+TEST_F(ConfigFiles, DirectoryInPlaceOfAFileIsNamed) {
+  auto plant = small_plant();
+  plant["mqtt"]["password_file"] = directory_.string();
+  expect_error(check_files(good(plant.dump())), "/mqtt/password_file", {"Is a directory"});
+}
+
+TEST_F(ConfigFiles, EmptyPasswordFileIsNamed) {
+  auto plant = small_plant();
+  const std::string secret = write("secret", "");
+  fs::permissions(secret, fs::perms(0600));
+  plant["mqtt"]["password_file"] = secret;
+  expect_error(weak_secrets(good(plant.dump())), "/mqtt/password_file", {"is empty"});
+}
+
 TEST_F(ConfigFiles, NothingIsNamedWhereAllIsThere) {
   auto plant = small_plant();
   plant["store"]["path"] = (directory_ / "new" / "store").string();
