@@ -436,22 +436,20 @@ std::optional<Refusal> CommandAdmission::check_value(const Codec& codec, const C
   return std::nullopt;
 }
 
-void CommandAdmission::remember_refused(const Command& command, const CommandResult& result,
+void CommandAdmission::remember_refused(const Command& command, CommandResult& result,
                                         SteadyTime now) {
   if (command.dry_run || command.id.empty()) return;
-  ids_.add_refused({command.id, command.number, now, now, true,
-                    kept(result, SharedAdmission::ResultOf::refused)},
-                   now);
+  keep(result, SharedAdmission::ResultOf::refused);
+  ids_.add_refused({command.id, command.number, now, now, true, result.kept}, now);
 }
 
-void CommandAdmission::finished(const CommandResult& result) {
-  ids_.finish(result.id, kept(result, SharedAdmission::ResultOf::admitted));
+void CommandAdmission::finished(CommandResult& result) {
+  keep(result, SharedAdmission::ResultOf::admitted);
+  ids_.finish(result.id, result.kept);
 }
 
-std::weak_ptr<std::string> CommandAdmission::kept(const CommandResult& result,
-                                                  SharedAdmission::ResultOf command) {
-  if (shared_->is_journaled) return {};
-  return shared_->keep(result_text(result), command);
+void CommandAdmission::keep(CommandResult& result, SharedAdmission::ResultOf command) {
+  if (!shared_->is_journaled) result.kept = shared_->keep(result_text(result), command);
 }
 
 void CommandAdmission::restore(const KnownId& known, SteadyTime now, std::int64_t utc_ms) {

@@ -38,12 +38,7 @@ class CommandAdmission final {
                  SteadyTime now);
 
   /// Records the result of a command that admit() let through. Call exactly once for each.
-  void finished(const CommandResult& result);
-
-  /// Records the total latency of the first result for `id`.
-  void note_total(const std::string& id, std::chrono::nanoseconds total) {
-    ids_.note_total(id, total);
-  }
+  void finished(CommandResult& result);
 
   /// Rejects every later command that would be admitted, with `reloading`.
   void close() { is_reloading_ = true; }
@@ -72,9 +67,9 @@ class CommandAdmission final {
 
  private:
   /// Remembers the id of a command that was not admitted, if it has one and is no dry run.
-  void remember_refused(const Command& command, const CommandResult& result, SteadyTime now);
-  /// Keeps the result for duplicates, unless the journal does.
-  std::weak_ptr<std::string> kept(const CommandResult& result, SharedAdmission::ResultOf command);
+  void remember_refused(const Command& command, CommandResult& result, SteadyTime now);
+  /// Keeps the text of the result for duplicates, unless the journal does.
+  void keep(CommandResult& result, SharedAdmission::ResultOf command);
   /// Takes the command's share of all that is limited, or returns why there is no room.
   std::optional<Refusal> take_room(const Command& command, std::size_t waiting,
                                    SharedAdmission::Place& place, SteadyTime now);

@@ -7,8 +7,6 @@
 #include <iterator>
 #include <utility>
 
-#include "agent/commands/result.h"
-
 namespace fxagent {
 namespace {
 
@@ -131,18 +129,6 @@ void IdMemory::finish(const std::string& id, std::weak_ptr<std::string> result) 
     entry.over = true;
     entry.result = std::move(result);
   });
-}
-
-void IdMemory::note_total(const std::string& id, std::chrono::nanoseconds total) {
-  if (ids_ == nullptr) return;
-  for (const Entries* entries : {&ids_->admitted, &ids_->refused}) {
-    const auto& by_id = entries->get<1>();
-    const auto found = by_id.find(id);
-    const auto text = found == by_id.end() ? nullptr : found->result.lock();
-    if (text == nullptr) continue;
-    *text = with_total(std::move(*text), total);
-    text->shrink_to_fit();
-  }
 }
 
 }  // namespace fxagent

@@ -53,8 +53,6 @@ class IdMemory final {
   void add_refused(Entry entry, SteadyTime now);
   /// Records the result of a command. Does nothing if the id is not known.
   void finish(const std::string& id, std::weak_ptr<std::string> result);
-  /// Records the total latency of the first result for `id`, if that result is kept here.
-  void note_total(const std::string& id, std::chrono::nanoseconds total);
 
   /// Removes ids that are over and older than kRememberedFor. Returns true if none is left;
   /// fingerprints are shared and do not count.

@@ -58,16 +58,6 @@ std::size_t memory_of(const std::optional<Value>& value) { return value ? memory
 
 }  // namespace
 
-void FrameTrace::add(WireFrame::Way way, ByteView bytes) {
-  if (bytes.empty()) return;
-  if (frames_.size() >= kMostFrames || bytes_ + bytes.size() > kMostBytes) {
-    ++omitted_;
-    return;
-  }
-  bytes_ += bytes.size();
-  frames_.push_back({way, Bytes(bytes.begin(), bytes.end())});
-}
-
 std::string_view to_string(Op op) { return kOps[static_cast<std::size_t>(op)]; }
 
 std::optional<Op> op_from(std::string_view word) {

@@ -13,36 +13,13 @@
 #include <string_view>
 #include <vector>
 
+#include "agent/handover/frame_trace.h"
 #include "agent/steady_time.h"
 #include "protocol/value/bytes.h"
 #include "protocol/value/point.h"
 #include "protocol/value/value.h"
 
 namespace fxagent {
-
-/// Bytes that crossed a wire together.
-struct WireFrame {
-  enum class Way : std::uint8_t { out, in };
-  Way way = Way::out;
-  Bytes bytes;
-};
-
-/// Frames that a command sent and received, for the audit. Bounded: keeps the beginning of a long
-/// exchange and counts the rest.
-class FrameTrace final {
- public:
-  static constexpr std::size_t kMostFrames = 64;
-  static constexpr std::size_t kMostBytes = 4096;
-
-  void add(WireFrame::Way way, ByteView bytes);
-  const std::vector<WireFrame>& frames() const { return frames_; }
-  std::uint64_t omitted() const { return omitted_; }  ///< frames dropped for lack of room
-
- private:
-  std::vector<WireFrame> frames_;
-  std::size_t bytes_ = 0;
-  std::uint64_t omitted_ = 0;
-};
 
 enum class Op : std::uint8_t { write, force_on, force_off, read, run, stop };
 inline constexpr std::string_view kOpNames = "write, force_on, force_off, read, run, stop";
@@ -113,9 +90,9 @@ struct MessageProperties {
   std::optional<std::chrono::seconds> message_expiry;  ///< MQTT 5; counts from `received`
   std::string response_topic;                          ///< MQTT 5; empty: none
   Bytes correlation;
-  std::string sender;  ///< as the agent knows it; empty: only what the command's `by` says
-  std::string_view ops = kOpNames;  ///< names that the sender may use, for the refusal of another
-  /// Gets the result as JSON when it is known, once. Empty: nobody asks beside MQTT.
+  std::string sender;               ///< a page token or a profile, verified; empty: see Command::by
+  std::string_view ops = kOpNames;  ///< listed when another op is refused
+  /// Called once with the result as JSON. Empty: no caller waits.
   std::function<void(const std::string& result)> reply;
 };
 /// A command that comes from the page or from a profile instead of the agent's own session.
@@ -226,7 +203,8 @@ struct CommandResult : CommandOutcome, CommandHead {
   /// Result of the first command; null if it must be read from the journal.
   std::shared_ptr<const CommandResult> first;
 
-  FrameTrace frames;  ///< only for a command that was carried out
+  FrameTrace frames;                ///< only for a command that was carried out
+  std::weak_ptr<std::string> kept;  ///< its text for a DUPLICATE, without a journal; see IdMemory
 };
 
 }  // namespace fxagent

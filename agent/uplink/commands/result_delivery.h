@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "agent/commands/commands.h"
+#include "agent/commands/command_results.h"
 #include "agent/config/model.h"
 #include "agent/steady_time.h"
 #include "agent/uplink/commands/command_intake.h"

@@ -248,12 +248,10 @@ TEST(IdMemory, DevicesDoNotShareTheirIds) {
 TEST(IdMemory, ResultIsKeptWhereItIsGiven) {
   Memory memory;
   memory.ids.add({"a", 1, kStart, kStart}, kStart);
-  memory.ids.finish(
-      "a", memory.room->keep(R"({"id":"a","total_ms":null})", SharedAdmission::ResultOf::admitted));
+  memory.ids.finish("a", memory.room->keep(R"({"id":"a"})", SharedAdmission::ResultOf::admitted));
   memory.ids.finish("b", {});
   EXPECT_TRUE(memory.ids.find("a", kStart)->over);
-  memory.ids.note_total("a", std::chrono::milliseconds(2));
-  EXPECT_EQ(*memory.ids.find("a", kStart)->result, R"({"id":"a","total_ms":2})");
+  EXPECT_EQ(*memory.ids.find("a", kStart)->result, R"({"id":"a"})");
   EXPECT_FALSE(memory.ids.find("b", kStart));
 }
 
