@@ -29,9 +29,10 @@ asio::awaitable<Exchange> Bus::exchange(Station& station, Request request, Stead
   slowest_ = std::max<nanoseconds>(slowest_, station.timeout);
   const Codec& codec = *station.codec;
   wire_.begin(station);
+  if (!overheard_.tells_answers_apart(codec))
+    if (const auto open = wire_.take_arrived(codec); !open)
+      co_return Exchange::unsent(Exchange::Outcome::link_down, open.error().text);
   Exchange failed;
-  const bool open = overheard_.tells_answers_apart(codec) || wire_.take_arrived(codec, failed);
-  if (!open) co_return failed;
   const bool ready = co_await prepare(station, request, failed);
   if (!ready) {
     if (!overheard_.is_silence(failed)) overheard_.doubt().exchange_was_unclear();
@@ -114,7 +115,7 @@ asio::awaitable<bool> Bus::prepare(Station& station, const Request& request, Exc
     bool still_open = true;
     if (!is_quiet) still_open = co_await wire_.drain(codec, until, quiet);
     if (!still_open) {
-      failed.set_down(wire_.channel().why_lost(), wire_.now());
+      failed = Exchange::unsent(Exchange::Outcome::link_down, wire_.channel().why_lost());
       co_return false;
     }
   }

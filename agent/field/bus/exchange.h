@@ -27,9 +27,8 @@ struct Exchange {
   bool sent = false;     ///< at least one byte left the agent
   bool doubted = false;  ///< answered while the bus was doubted, with silence before and after
   Reply reply;
-  std::string error;  ///< why it was not answered, in words
-  /// Just before the first byte; `ended` if the link was lost before it.
-  SteadyTime began{};
+  std::string error;                       ///< why it was not answered, in words
+  SteadyTime began{};                      ///< just before the first byte
   SteadyTime ended{};                      ///< last byte of the reply, or when the agent gave up
   std::int64_t ended_ms = 0;               ///< the same, UTC
   std::chrono::nanoseconds rest{0};        ///< silence required before it, and its enquiry
@@ -37,19 +36,12 @@ struct Exchange {
   Bytes received;                          ///< unanswered or garbled: bytes in place of an answer
   Bytes asked;                             ///< request frame that `received` came after
 
-  /// Returns an exchange that ended before anything was sent.
+  /// Returns an exchange that ended before anything was sent. It took no line time.
   static Exchange unsent(Outcome how, std::string why) {
     Exchange exchange;
     exchange.outcome = how;
     exchange.error = std::move(why);
     return exchange;
-  }
-
-  /// Makes this a request that was not sent because the link is down: it took no line time.
-  void set_down(std::string why, SteadyTime now) {
-    outcome = Outcome::link_down;
-    error = std::move(why);
-    began = ended = now;
   }
 
   bool has_answer() const { return outcome == Outcome::answered; }

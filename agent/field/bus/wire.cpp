@@ -19,14 +19,6 @@ constexpr std::size_t kWireChunk = 512;
 // More datagrams than this in place of one answer are a flood.
 constexpr std::size_t kMostDatagrams = 1000;
 
-/// Takes a port for the next request. False: there is none; `failed` says why.
-bool renew_port(Transport& transport, const Codec& codec, Exchange& failed) {
-  if (is_numbered(codec)) return true;
-  const auto renewed = transport.renew();
-  if (!renewed) failed.set_down(renewed.error().text, transport.now());
-  return renewed.has_value();
-}
-
 /// Sends the bytes that close an exchange. With `is_echoed`, waits for their echo.
 asio::awaitable<void> close_exchange(Transport& transport, Echo& echo, const Bytes& closing,
                                      bool is_echoed, SteadyTime deadline) {
@@ -72,18 +64,16 @@ void Wire::begin(const Station& station) {
   if (trace_) trace_->speak_to(station);
 }
 
-bool Wire::take_arrived(const Codec& codec, Exchange& failed) {
+Result<void> Wire::take_arrived(const Codec& codec) {
   const auto found = channel_.transport().discard_input();
   if (!found) {
     channel_.lose(found.error().text);
-    failed.set_down(found.error().text, now());
-    return false;
+    return fail(found);
   }
   note_unexpected(codec, *found);
-  if (found->size() < Channel::kMostDrained) return true;
+  if (found->size() < Channel::kMostDrained) return {};
   channel_.close_never_silent();
-  failed.set_down(channel_.why_lost(), now());
-  return false;
+  return fail(ErrorCode::link_down, channel_.why_lost());
 }
 
 asio::awaitable<bool> Wire::drain(const Codec& codec, SteadyTime until, nanoseconds quiet) {
@@ -110,9 +100,9 @@ asio::awaitable<Exchange> Wire::exchange(const Station& station, Request request
   SteadyTime earliest = not_before_;
   if (exchange.rest.count() > 0) earliest = std::max(earliest, last_activity_ + exchange.rest);
   if (now() < earliest) co_await wait_until(timer_, earliest);
-  const bool open =
-      take_arrived(codec, exchange) && renew_port(channel_.transport(), codec, exchange);
-  if (!open) co_return exchange;
+  auto ready = take_arrived(codec);
+  if (ready && !is_numbered(codec)) ready = channel_.transport().renew();
+  if (!ready) co_return Exchange::unsent(Exchange::Outcome::link_down, ready.error().text);
   exchange.began = exchange.ended = now();
   if (exchange.began > not_after) {
     exchange.outcome = Exchange::Outcome::expired;
