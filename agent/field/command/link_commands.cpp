@@ -146,6 +146,7 @@ class LinkCommands::Sharing final : public BusSharing {
     while (!is_stopping() && commands_.link_.bus.is_open()) {
       const PollScheduler::Job job = scheduler.next(Clock::now());
       if (job.kind == PollScheduler::Job::Kind::poll) {
+        const Raised polling(commands_.polling_);
         if (!co_await run_poll(job.poll)) break;
       } else if (commands_.may_go_between(credit())) {
         give(commands_.waiting_.front().line_time);
@@ -161,7 +162,6 @@ class LinkCommands::Sharing final : public BusSharing {
                                          PolledDevice::AskedBy::command);
   }
   asio::awaitable<bool> give_way_after_silence() override {
-    const Raised between_tries(commands_.between_tries_);
     bool has_run = false;
     while (!is_stopping() && commands_.link_.bus.is_open()) {
       const auto poll = commands_.link_.scheduler.next_after_silence(Clock::now());

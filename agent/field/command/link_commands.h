@@ -42,9 +42,9 @@ class LinkCommands final {
   asio::awaitable<void> run_next();
   /// True while run_next() is in progress.
   bool is_running() const { return !running_.empty(); }
-  /// True while polls go between an unanswered exchange of a command and its next one, often the
-  /// read-back of a write.
-  bool is_between_tries() const { return between_tries_; }
+  /// True while a poll runs between two parts of a command. False during the polls after an
+  /// unanswered exchange: the next exchange is often the read-back of a write.
+  bool is_polling() const { return polling_; }
   /// Stops the running command from sending anything more, read-backs included.
   void end() { over_ = true; }
 
@@ -76,7 +76,7 @@ class LinkCommands final {
   std::list<WaitingCommand> running_;
   Sharing* sharing_ = nullptr;  ///< of the last running command
   bool over_ = false;
-  bool between_tries_ = false;
+  bool polling_ = false;
 };
 
 }  // namespace fxagent

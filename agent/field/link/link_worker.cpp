@@ -257,8 +257,7 @@ void LinkWorker::stop(Reason why) {
   if (state_.is_stopping()) return;
   state_.stop(why);
   idle_.cancel();
-  const bool polls = poller_.is_polling() && !commands_.is_between_tries();
-  if (!commands_.is_running() || polls) bus_.close();
+  if (!commands_.is_running() || commands_.is_polling()) bus_.close();
   stop_timer_ = std::make_unique<asio::steady_timer>(idle_.get_executor(), kFinishWithin);
   stop_timer_->async_wait([this](const asio::error_code& cancelled) {
     if (cancelled) return;

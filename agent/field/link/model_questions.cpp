@@ -24,7 +24,6 @@ bool is_lack(RefusalMeaning meaning) {
 }  // namespace
 
 asio::awaitable<void> ModelQuestions::run(LinkDevice& device, PollScheduler::PollStep step) {
-  const Raised asking(asking_);
   if (step.exchange > 0) co_return co_await compare_model(device, step);
   bool is_answered = false;
   Knowledge knowledge = Knowledge::known;

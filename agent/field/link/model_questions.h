@@ -28,8 +28,6 @@ class ModelQuestions final {
   /// after the questions about the model if that is unknown; each further one compares the model
   /// with the config. While the bus is closed, ends the cycle without an exchange.
   asio::awaitable<void> run(LinkDevice& device, PollScheduler::PollStep step);
-  /// True while run() is in progress.
-  bool is_asking() const { return asking_; }
 
   enum class Knowledge : std::uint8_t { known, plan_changed, unanswered };
   /// Asks for the model that the config leaves open. `failure` says why it went unanswered.
@@ -55,7 +53,6 @@ class ModelQuestions final {
   const LinkParts link_;
   LinkState& state_;
   GroupPlans& plans_;
-  bool asking_ = false;
 };
 
 }  // namespace fxagent

@@ -110,7 +110,6 @@ bool Poller::begin_cycle(LinkDevice& device, GroupPoll& group,
 
 asio::awaitable<void> Poller::read_group(LinkDevice& device, GroupPoll& group,
                                          PollScheduler::PollStep step) {
-  const Raised polling(polling_);
   if (step.starts_cycle && !begin_cycle(device, group, step)) co_return;
   if (!link_.bus.is_open()) co_return fail_cycle(device, group, BadReason::link_down);
   if (!device.state.is_model_known()) {

@@ -40,8 +40,6 @@ class Poller final {
   /// Carries out one step: an exchange, after the questions about the model if these are due. While
   /// the bus is closed, ends the cycle without an exchange.
   asio::awaitable<void> run(PollScheduler::PollStep step);
-  /// True while run() is in progress.
-  bool is_polling() const { return polling_ || questions_.is_asking(); }
 
   /// Records that a command has written `span`, or may have; see PollCycle::overwritten().
   /// Afterwards no group of the device reports an older value.
@@ -89,7 +87,6 @@ class Poller final {
   LinkState& state_;
   GroupPlans plans_;
   ModelQuestions questions_;
-  bool polling_ = false;
   bool overloaded_ = false;
 };
 
