@@ -280,6 +280,21 @@ void LinkState::check_bus() {
     lost(link_.bus.channel().why_lost());
 }
 
+bool LinkState::exchanged(LinkDevice& device, const Exchange& exchange) {
+  device.log_foreign_bytes(exchange);
+  const bool by_gateway =
+      exchange.is_nak() && device.codec->is_from_gateway(exchange.reply.device_code);
+  if (by_gateway)
+    unreachable(device, exchange.reply.text, exchange.line_time());
+  else if (exchange.has_answer())
+    answered(device);
+  else if (exchange.outcome == Exchange::Outcome::unanswered)
+    unanswered(device);
+  else if (exchange.outcome == Exchange::Outcome::link_down)
+    lost(exchange.error);
+  return exchange.has_answer() && !by_gateway;
+}
+
 void LinkState::answered(LinkDevice& device) {
   unanswered_in_a_row_ = 0;
   if (std::exchange(is_vain_, false) && was_open_) log_up_once();

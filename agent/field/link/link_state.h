@@ -69,6 +69,9 @@ class LinkState final {
   /// Returns why it went down last.
   const std::string& why_down() const { return why_down_; }
 
+  /// Records how an exchange with the device has ended: calls answered(), unanswered(),
+  /// unreachable() or lost(). Logs its foreign bytes. True: the device has answered, not a gateway.
+  bool exchanged(LinkDevice& device, const Exchange& exchange);
   /// Records an answer of the device, even a refusal.
   void answered(LinkDevice& device);
   /// Records a request that the device left unanswered. Closes a TCP connection or UDP port on

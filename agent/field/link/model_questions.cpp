@@ -49,15 +49,8 @@ asio::awaitable<void> ModelQuestions::run(LinkDevice& device, PollScheduler::Pol
 
 bool ModelQuestions::take_answer(LinkDevice& device, const PollScheduler::PollStep& step,
                                  const Exchange& exchange) {
-  device.log_foreign_bytes(exchange);
   link_.scheduler.step_used(step, exchange.line_time());
-  if (exchange.outcome == Exchange::Outcome::unanswered) state_.unanswered(device);
-  if (exchange.outcome == Exchange::Outcome::link_down) state_.lost(exchange.error);
-  const bool by_gateway =
-      exchange.is_nak() && device.codec->is_from_gateway(exchange.reply.device_code);
-  if (by_gateway) state_.unreachable(device, exchange.reply.text, exchange.line_time());
-  const bool is_answered = exchange.has_answer() && !by_gateway;
-  if (is_answered) state_.answered(device);
+  const bool is_answered = state_.exchanged(device, exchange);
   const PlcServices* plc = device.codec->plc();
   std::optional<bool> run;
   if (plc != nullptr && exchange.is_data() && !exchange.doubted)
@@ -126,7 +119,6 @@ asio::awaitable<Exchange> ModelQuestions::ask_of_model(LinkDevice& device,
   for (int attempt = 0; attempt < 2; ++attempt) {
     exchange = co_await link_.bus.exchange(device.station, question);
     if (state_.is_stopping()) co_return exchange;
-    device.log_foreign_bytes(exchange);
     link_.scheduler.poll_used(exchange.line_time());
     const bool may_pass =
         exchange.is_nak() &&
@@ -150,23 +142,13 @@ asio::awaitable<ModelQuestions::Knowledge> ModelQuestions::ask_model(LinkDevice&
       failure = BadReason::bad_frame;
       co_return Knowledge::unanswered;
     }
-    if (exchange.is_nak()) {
-      const auto meaning = device.codec->meaning_of(question, exchange.reply.device_code);
-      if (meaning == RefusalMeaning::unreachable) {
-        state_.unreachable(device, exchange.reply.text, exchange.line_time());
-        co_return Knowledge::unanswered;
-      }
-      passing |= !is_lack(meaning);
+    if (!state_.exchanged(device, exchange)) {
+      if (!exchange.has_answer()) failure = bad_reason(exchange);
+      co_return Knowledge::unanswered;
     }
-    if (exchange.has_answer()) {
-      state_.answered(device);
-      images.push_back(exchange.is_data() ? exchange.reply.image : Bytes{});
-      continue;
-    }
-    if (exchange.outcome == Exchange::Outcome::unanswered) state_.unanswered(device);
-    if (exchange.outcome == Exchange::Outcome::link_down) state_.lost(exchange.error);
-    failure = bad_reason(exchange);
-    co_return Knowledge::unanswered;
+    if (exchange.is_nak())
+      passing |= !is_lack(device.codec->meaning_of(question, exchange.reply.device_code));
+    images.push_back(exchange.is_data() ? exchange.reply.image : Bytes{});
   }
   const auto model = asking.model_from(images);
   if (!model && passing) {

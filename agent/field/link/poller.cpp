@@ -143,7 +143,6 @@ void Poller::note_invalid(GroupPoll& group) const {
 void Poller::take_reading(LinkDevice& device, GroupPoll& group, const PollScheduler::PollStep& step,
                           const Asked& asked, Exchange exchange) {
   if (state_.is_stopping()) return;
-  device.log_foreign_bytes(exchange);
   link_.scheduler.step_used(step, exchange.line_time());
   if (exchange.doubted) {  // the device is there, but its data is not trusted
     state_.answered(device);
@@ -152,22 +151,16 @@ void Poller::take_reading(LinkDevice& device, GroupPoll& group, const PollSchedu
   if (exchange.has_answer()) group.answers = GroupPoll::Answers::valid;
   if (exchange.outcome == Exchange::Outcome::garbled) note_invalid(group);
   if (exchange.is_data()) device.turnaround.add(exchange.turnaround);
-  if (exchange.is_ack() || exchange.is_data()) state_.answered(device);
+  state_.exchanged(device, exchange);
   if (!exchange.doubted && !link_.bus.doubt().is_doubted() &&
       (exchange.outcome == Exchange::Outcome::unanswered ||
        exchange.outcome == Exchange::Outcome::garbled))
     plans_.doubt_command(device, asked.request);
-  if (exchange.outcome == Exchange::Outcome::unanswered) {
-    state_.unanswered(device);
-    fail_cycle(device, group, BadReason::timeout);
-    return;
-  }
+  if (exchange.outcome == Exchange::Outcome::unanswered)
+    return fail_cycle(device, group, BadReason::timeout);
   if (exchange.is_data() && plans_.proves_command(device, asked.request)) return;
-  if (exchange.outcome == Exchange::Outcome::link_down) {
-    state_.lost(exchange.error);
-    fail_cycle(device, group, BadReason::link_down);
-    return;
-  }
+  if (exchange.outcome == Exchange::Outcome::link_down)
+    return fail_cycle(device, group, BadReason::link_down);
   // While the bus is doubted, each exchange takes its silences, and a repeat would be doubted as
   // well.
   bool repeatable =
@@ -217,19 +210,16 @@ Poller::Refusal Poller::take_refusal(LinkDevice& device, GroupPoll& group,
   const std::string& reason = exchange.reply.text;
   const auto meaning = device.codec->meaning_of(asked.request, exchange.reply.device_code);
   if (meaning == RefusalMeaning::unreachable) {
-    state_.unreachable(device, reason, exchange.line_time());
     fail_cycle(device, group, BadReason::timeout);
     return Refusal::ends_step;
   }
   const auto* gather = std::get_if<Gather>(&asked.request);
   if (meaning == RefusalMeaning::final && gather != nullptr) {
-    state_.answered(device);
     plans_.give_up_command(device, gather->parts.front().gather, reason);
     return Refusal::ends_step;
   }
   if (meaning == RefusalMeaning::final || meaning == RefusalMeaning::unclear)
     device.log_refusal_once(reason);
-  state_.answered(device);
   switch (meaning) {
     case RefusalMeaning::busy:
       link_.scheduler.group(step.group).postpone(exchange.ended + kBusyPause);
