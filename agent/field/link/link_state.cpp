@@ -69,23 +69,20 @@ bool is_asked(const LinkDevices& devices) {
 }
 
 /// Returns what to check if the peer has closed the connection.
-std::string_view checklist_of_closed(const LinkDevices& devices) {
+std::string checklist_of_closed(const LinkDevices& devices) {
   if (devices.empty() || devices.front()->config.protocol == nullptr) return {};
   const LinkDevice& first = *devices.front();
-  return fxagent::checklist_of_closed(*first.config.protocol, *first.codec);
+  return std::string(fxagent::checklist_of_closed(*first.config.protocol, *first.codec));
 }
 
-/// Logs the state of a device: offline as a warning.
-void log_state(const std::string& device, const DeviceStatus& status) {
-  const std::string state(to_string(status.state));
-  const auto write = status.state == DeviceStatus::State::offline ? log::warn : log::info;
-  if (status.reason_text.empty())
-    write("device", {{"device", device}, {"state", state}, {"reason", status.reason}});
+/// Logs the state of a link or a device, which `what` says. `note`: empty if there is none.
+void log_state(decltype(&log::info) write, const char* what, const std::string& name,
+               std::string_view state, const std::string& reason, const std::string& note) {
+  const log::Field subject(what, name);
+  if (note.empty())
+    write(what, {subject, {"state", std::string(state)}, {"reason", reason}});
   else
-    write("device", {{"device", device},
-                     {"state", state},
-                     {"reason", status.reason},
-                     {"note", status.reason_text}});
+    write(what, {subject, {"state", std::string(state)}, {"reason", reason}, {"note", note}});
 }
 
 /// True if the peer closed or refused the channel before any answer. That counts as a failed
@@ -233,23 +230,20 @@ void LinkState::lost(const std::string& why) {
     go_down(why, {});
 }
 
-void LinkState::go_down(std::string why, std::string_view note) {
-  if (logged_up_ || why != why_down_) {
-    if (note.empty())
-      log::warn("link", {{"link", link_.config.name}, {"state", "down"}, {"reason", why}});
-    else
-      log::warn("link", {{"link", link_.config.name},
-                         {"state", "down"},
-                         {"reason", why},
-                         {"note", std::string(note)}});
-  }
+void LinkState::go_down(std::string why, const std::string& note) {
+  if (logged_up_ || why != why_down_)
+    log_state(log::warn, "link", link_.config.name, "down", why, note);
   is_vain_ = !is_serial(link_.config) &&
              (was_refused_ ||
               (was_open_ && !link_.bus.channel().was_answered() && is_asked(link_.devices)));
   logged_up_ = was_open_ = false;
   was_down_ = true;
-  why_down_text_ = note.empty() ? why : why + ": " + std::string(note);
+  why_down_text_ = note.empty() ? why : why + ": " + note;
   why_down_ = std::move(why);
+  all_fell_silent();
+}
+
+void LinkState::all_fell_silent() {
   for (const auto& device : link_.devices) {
     device->state.fell_silent();
     update(*device);
@@ -260,10 +254,7 @@ void LinkState::yielded(const std::string& text) {
   if (std::exchange(yielded_, text) == text) return;
   was_open_ = is_left_ = false;
   log::info("link", {{"link", link_.config.name}, {"state", "yielded"}, {"note", text}});
-  for (const auto& device : link_.devices) {
-    device->state.fell_silent();
-    update(*device);
-  }
+  all_fell_silent();
 }
 
 void LinkState::taken_back() {
@@ -358,8 +349,11 @@ void LinkState::update(LinkDevice& device) {
   }
   const auto change = device.state.update(facts, utc_now_ms());
   if (!change) return;
-  if (change->other_state) log_state(device.config.name, change->status);
   DeviceStatus status = change->status;
+  const auto write = status.state == DeviceStatus::State::offline ? log::warn : log::info;
+  if (change->other_state)
+    log_state(write, "device", device.config.name, to_string(status.state), status.reason,
+              status.reason_text);
   status.codec = device.codec;
   status.codec_of_plc = device.codec_of_plc;
   link_.outbox.push(std::move(status));

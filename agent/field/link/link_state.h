@@ -92,7 +92,8 @@ class LinkState final {
 
  private:
   void log_up_once();
-  void go_down(std::string why, std::string_view note);
+  void go_down(std::string why, const std::string& note);
+  void all_fell_silent();
 
   const LinkParts link_;
   const std::size_t links_;
