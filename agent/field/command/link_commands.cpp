@@ -180,7 +180,6 @@ class LinkCommands::Sharing final : public BusSharing {
 
   void concluded(std::size_t target, const TargetResult& outcome) override {
     const AdmittedCommand& admitted = command_.admitted;
-    if (target >= admitted.targets.size()) return;
     had_ += admitted.targets[target].line_time;
     within_ = {};
     at_a_target_ = true;
