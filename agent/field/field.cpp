@@ -35,6 +35,14 @@ struct Field::Thread {
     });
   }
 
+  /// Calls `what` with the arguments, on the thread.
+  template <class... Taken, class... Given>
+  void post(void (FieldLinks::*what)(Taken...), Given... given) {
+    asio::post(io, [this, what, ... given = std::move(given)]() mutable {
+      (links.*what)(std::move(given)...);
+    });
+  }
+
   /// Calls `act` at each of the signals, which must outlive the thread.
   static void await(asio::signal_set& signals, const std::function<void()>& act) {
     signals.async_wait([&signals, act](const asio::error_code& cancelled, int) {
@@ -77,46 +85,31 @@ void Field::start() {
 }
 
 void Field::number_above(std::vector<std::uint64_t> last_seq) {
-  asio::post(field_->io, [field = field_.get(), moved = std::move(last_seq)] {
-    field->links.number_above(moved);
-  });
+  field_->post(&FieldLinks::number_above, std::move(last_seq));
 }
 
 void Field::submit(AdmittedCommand admitted) {
   const std::lock_guard lock(field_->end);
   if (field_->is_over) return field_->links.take(std::move(admitted));
-  asio::post(field_->io, [field = field_.get(), moved = std::move(admitted)]() mutable {
-    field->links.take(std::move(moved));
-  });
+  field_->post(&FieldLinks::take, std::move(admitted));
 }
 
-void Field::report() {
-  asio::post(field_->io, [field = field_.get()] { field->links.report(); });
-}
+void Field::report() { field_->post(&FieldLinks::report); }
 
 void Field::yield(std::string link, std::chrono::minutes time, std::string text,
                   std::function<void(Reason)> done) {
-  asio::post(field_->io, [field = field_.get(), link = std::move(link), time,
-                          text = std::move(text), done = std::move(done)]() mutable {
-    field->links.yield(link, time, text, std::move(done));
-  });
+  field_->post(&FieldLinks::yield, std::move(link), time, std::move(text), std::move(done));
 }
 
 void Field::ask(std::function<void()> answer) { asio::post(field_->io, std::move(answer)); }
 
 void Field::end(std::shared_ptr<const ConfigChange> change, Done done) {
-  asio::post(field_->io,
-             [field = field_.get(), change = std::move(change), done = std::move(done)]() mutable {
-               field->links.end(*change, std::move(done));
-             });
+  field_->post(&FieldLinks::end, std::move(change), std::move(done));
 }
 
 void Field::begin(std::shared_ptr<const ConfigChange> change, std::vector<std::uint64_t> last_seq,
                   Done done) {
-  asio::post(field_->io, [field = field_.get(), change = std::move(change),
-                          last_seq = std::move(last_seq), done = std::move(done)]() mutable {
-    field->links.begin(change, std::move(last_seq), std::move(done));
-  });
+  field_->post(&FieldLinks::begin, std::move(change), std::move(last_seq), std::move(done));
 }
 
 void Field::stop() {

@@ -163,8 +163,9 @@ void FieldLinks::report() {
 
 // ---- a changed config ---------------------------------------------------------------------------
 
-void FieldLinks::end(const ConfigChange& change, Done done) {
+void FieldLinks::end(const std::shared_ptr<const ConfigChange>& next, Done done) {
   if (stopping_) return;
+  const ConfigChange& change = *next;
   end_done_ = std::move(done);
   still_to_leave_ = 1;
   std::vector<std::vector<std::uint32_t>> leaving(places_.size());

@@ -54,7 +54,7 @@ class FieldLinks final {
   void trace(const std::vector<std::uint32_t>& links);
   void switch_traces();  ///< as at the signal of Field::switch_traces_at()
   // After stop() nothing happens, and `done` is not called.
-  void end(const ConfigChange& change, Done done);
+  void end(const std::shared_ptr<const ConfigChange>& next, Done done);
   void begin(const std::shared_ptr<const ConfigChange>& next, std::vector<std::uint64_t> last_seq,
              Done done);
 
