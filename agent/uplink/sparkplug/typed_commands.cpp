@@ -289,35 +289,22 @@ Packet TypedCommandsProfile::device_packet(std::uint32_t index, std::int64_t utc
   return packet;
 }
 
-void TypedCommandsProfile::send(const Request& request, Metric answer) {
-  Packet packet;
-  packet.set_timestamp(stamp(utc_ms_()));
-  answer.set_name(request.name);
-  answer.set_timestamp(packet.timestamp());
-  answer.set_datatype(kCommand);
-  if (!request.correlation_id.empty())
-    answer.mutable_command()->set_correlation_id(request.correlation_id);
-  *packet.add_metrics() = std::move(answer);
-  answers_.push_back(message(request.device.empty() ? "NRESP" : "DRESP", request.device, packet));
-}
-
 /// Answers a request that is not for a device of the config, and logs it: the audit has no place
 /// for it.
 void TypedCommandsProfile::reject(const Message& message, const Request& request,
                                   const std::string& why) {
   ignore_command(message, why);
-  Metric answer;
-  const auto rejected = to_string(CommandStatus::rejected);
-  sparkplug_c::Status& status = *answer.mutable_command()->mutable_status();
-  status.set_code(code_of(rejected));
-  status.set_message(std::string(rejected) + ": " + why);
-  send(request, std::move(answer));
+  json::Writer result;
+  result.begin_object().key("status").string(to_string(CommandStatus::rejected));
+  answer(request, result.key("detail").string(why).end_object().take());
 }
 
 void TypedCommandsProfile::answer(const Request& request, const std::string& result) {
   const auto json = parsed_json(result);
-  Metric answer;
-  sparkplug_c::Command& command = *answer.mutable_command();
+  Packet packet;
+  packet.set_timestamp(stamp(utc_ms_()));
+  sparkplug_c::Command& command = define(packet, request.name);
+  if (!request.correlation_id.empty()) command.set_correlation_id(request.correlation_id);
   command.mutable_status()->set_code(code_of(text_at(json, "status")));
   command.mutable_status()->set_message(message_of(json));
   if (request.type && command.status().code() == 0) {
@@ -327,7 +314,7 @@ void TypedCommandsProfile::answer(const Request& request, const std::string& res
     set_value(*value.mutable_value(), result_value(member(json, kValue), *request.type),
               *request.type);
   }
-  send(request, std::move(answer));
+  answers_.push_back(message(request.device.empty() ? "NRESP" : "DRESP", request.device, packet));
 }
 
 // ---- requests -----------------------------------------------------------------------------------

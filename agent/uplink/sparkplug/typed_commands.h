@@ -66,7 +66,6 @@ class TypedCommandsProfile final : public sparkplug::EdgeNode {
   /// Answers a request with the agent's result, which is JSON.
   void answer(const Request& request, const std::string& result);
   void reject(const Message& message, const Request& request, const std::string& why);
-  void send(const Request& request, sparkplug_c::Metric answer);
 
   std::uint64_t seq_ = 0;        ///< of the next message
   bool is_asked_ = false;        ///< a host has asked for the births again
