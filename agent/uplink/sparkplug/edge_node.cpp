@@ -14,6 +14,15 @@ constexpr std::size_t kRoomForTopic = 512;
 
 }  // namespace
 
+std::optional<std::size_t> place_of(const SharedVector<TagConfig>& tags, std::string_view name,
+                                    std::size_t from) {
+  for (std::size_t i = 0; i < tags.size(); ++i) {
+    const std::size_t place = (from + i) % tags.size();
+    if (std::string_view(tags[place].name) == name) return place;
+  }
+  return std::nullopt;
+}
+
 // ---- the primary host ---------------------------------------------------------------------------
 
 PrimaryHost::PrimaryHost(std::string topic, bool old_state)

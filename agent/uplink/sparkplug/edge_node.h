@@ -18,6 +18,11 @@
 
 namespace fxagent::sparkplug {
 
+/// Returns the index of the tag with this name; nullopt: there is none. Begins at `from` and goes
+/// round: the tags of a sample follow each other in the order of the config.
+std::optional<std::size_t> place_of(const SharedVector<TagConfig>& tags, std::string_view name,
+                                    std::size_t from = 0);
+
 /// Tracks from STATE messages if the primary host application is online (Sparkplug 3.0, section
 /// 5.4). Pure, except for the log. Uplink thread.
 class PrimaryHost final {

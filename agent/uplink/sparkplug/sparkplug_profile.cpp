@@ -137,26 +137,6 @@ sparkplug::PrimaryHost host_of(const ProfileConfig& profile) {
   return {(profile.old_state ? "STATE/" : "spBv1.0/STATE/") + profile.host, profile.old_state};
 }
 
-/// Finds tags by name. The tags of a sample follow each other in the order of the config.
-class TagFinder final {
- public:
-  explicit TagFinder(const DeviceConfig& device) : tags_(device.tags) {}
-
-  std::optional<std::size_t> find(std::string_view name) {
-    for (std::size_t i = 0; i < tags_.size(); ++i) {
-      const std::size_t place = (next_ + i) % tags_.size();
-      if (std::string_view(tags_[place].name) != name) continue;
-      next_ = place + 1;
-      return place;
-    }
-    return std::nullopt;
-  }
-
- private:
-  const SharedVector<TagConfig>& tags_;
-  std::size_t next_ = 0;
-};
-
 }  // namespace
 
 SparkplugProfile::SparkplugProfile(const Config& config, const ProfileConfig& profile,
@@ -285,10 +265,11 @@ std::vector<Publication> SparkplugProfile::sample(const StreamKey& stream,
   const bool is_late =
       sample.ts_ms < device.born_ms && device.born_ms - sample.ts_ms < kLatest.count();
   Packet packet;
-  TagFinder tags(config);
+  std::size_t next = 0;
   for (const RecordedReading& reading : sample.readings) {
-    const auto tag = tags.find(reading.name);
+    const auto tag = sparkplug::place_of(config.tags, reading.name, next);
     if (!tag) continue;
+    next = *tag + 1;
     Last& last = device.last[*tag];
     const std::size_t hash = hash_of(reading.value);
     const bool same_quality = last.sent_bad == reading.bad;
@@ -335,12 +316,13 @@ class SparkplugProfile::History final : public SampleHistory {
     if (!index) return {};
     const DeviceConfig& config = profile_.config_.devices[*index];
     Packet packet;
-    TagFinder tags(config);
+    std::size_t next = 0;
     for (Metric& metric : *gathered_.mutable_metrics()) {
-      const auto tag = tags.find(metric.name());
+      const auto tag = sparkplug::place_of(config.tags, metric.name(), next);
       // The births of this session do not have the metric in this form.
       if (!tag || metric.datatype() != number(sparkplug::type_of(config.tags[*tag].point)))
         continue;
+      next = *tag + 1;
       metric.clear_name();
       metric.clear_datatype();
       metric.set_alias(profile_.devices_[*index].first_alias + *tag);
@@ -406,7 +388,7 @@ void SparkplugProfile::hear_device_command(const Message& message, const std::st
     std::optional<std::size_t> tag;
     if (metric.has_name()) {
       tag = metric.name() == kDeviceRebirth ? config.tags.size()
-                                            : TagFinder(config).find(metric.name());
+                                            : sparkplug::place_of(config.tags, metric.name());
     } else if (metric.has_alias() && metric.alias() >= first &&
                metric.alias() - first <= config.tags.size()) {
       tag = metric.alias() - first;

@@ -108,14 +108,6 @@ void define_write(Packet& packet, const TagConfig& tag) {
     add_property(argument, "engHigh", Value(Scalar(*units.limits.max)), Type::real64);
 }
 
-/// Finds the type of the tag that a command writes; nullopt if the device has no such tag.
-std::optional<Type> type_of(const DeviceConfig& device, std::string_view tag) {
-  const auto found = std::ranges::find_if(
-      device.tags, [&](const TagConfig& each) { return std::string_view(each.name) == tag; });
-  if (found == device.tags.end()) return std::nullopt;
-  return sparkplug::type_of(found->point);
-}
-
 // ---- results ------------------------------------------------------------------------------------
 
 /// Code 0 is success; the others count the words of the contract in their order.
@@ -369,7 +361,9 @@ void TypedCommandsProfile::carry_out(const Message& message, const std::string& 
   command.key("op");
   if (request.name.starts_with(kWrite)) {
     const std::string_view tag = std::string_view(request.name).substr(kWrite.size());
-    request.type = type_of(config_.devices.at(*index), tag);
+    const SharedVector<TagConfig>& tags = config_.devices.at(*index).tags;
+    if (const auto place = sparkplug::place_of(tags, tag))
+      request.type = sparkplug::type_of(tags[*place].point);
     command.string("write").key("tag").string(tag);
   } else if (request.name == kRun || request.name == kStop) {
     command.string(request.name == kRun ? "run" : "stop");
