@@ -17,17 +17,6 @@ constexpr std::size_t kPacketOverhead = 64;
 
 }  // namespace
 
-void log_failed(std::string_view what, const DeliveryFailed& event, std::string_view topic) {
-  const auto warn = [&](const auto&... place) {
-    log::warn(event.reason_code != 0 ? "publish_refused" : "publish_failed",
-              {{"what", std::string(what)},
-               place...,
-               {"code", hex_code(event.reason_code)},
-               {"reason", event.text}});
-  };
-  topic.empty() ? warn() : warn(log::Field{"topic", log::excerpt(topic)});
-}
-
 void Outgoing::begin(const Connected& connected) {
   window_ = std::clamp<std::size_t>(connected.receive_maximum, 1, kMaxWindow);
   max_packet_ = connected.maximum_packet;

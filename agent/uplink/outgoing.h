@@ -17,6 +17,7 @@
 #include <string_view>
 #include <vector>
 
+#include "agent/log/log.h"
 #include "agent/steady_time.h"
 #include "agent/uplink/broker.h"
 
@@ -121,8 +122,15 @@ class Outgoing final {
   std::optional<SteadyTime> unanswered_since_;
 };
 
-/// Logs that a publication failed. `what` it was: a state, the name of a profile. `topic`: empty if
-/// the caller has kept none.
-void log_failed(std::string_view what, const DeliveryFailed& event, std::string_view topic = {});
+/// Logs that a publication failed. `what` it was: a state, a result, the name of a profile. `more`:
+/// fields that say which one.
+template <class... More>
+void log_failed(std::string_view what, const DeliveryFailed& event, const More&... more) {
+  log::warn(event.reason_code != 0 ? "publish_refused" : "publish_failed",
+            {{"what", std::string(what)},
+             more...,
+             {"code", hex_code(event.reason_code)},
+             {"reason", event.text}});
+}
 
 }  // namespace fxagent

@@ -130,12 +130,8 @@ void ResultDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
   const Flight flight = flights_.extract(event.id).mapped();
   Pending& pending = results_.at(flight.result);
   Copy& copy = pending.copies[flight.copy];
-  log::warn(event.reason_code != 0 ? "publish_refused" : "publish_failed",
-            {{"what", "result"},
-             {"topic", log::excerpt(copy.topic)},
-             {"id", pending.result.id},
-             {"code", hex_code(event.reason_code)},
-             {"reason", event.text}});
+  log_failed("result", event, log::Field("topic", log::excerpt(copy.topic)),
+             log::Field("id", pending.result.id));
   // The sender of the command chose the response topic: if the broker refuses it, there is no
   // retry.
   if (is_final(event.reason_code) || (flight.copy != 0 && event.reason_code != 0))

@@ -156,7 +156,7 @@ void RetainedState::delivered(std::uint64_t id, SteadyTime) {
 void RetainedState::failed(const DeliveryFailed& event, SteadyTime now) {
   const auto found = flights_.find(event.id);
   if (found == flights_.end()) return;  // of a removed device
-  log_failed(what_, event, found->second.topic);
+  log_failed(what_, event, log::Field("topic", log::excerpt(found->second.topic)));
   if (is_final(event.reason_code)) return delivered(event.id, now);
   const auto& [key, due, topic, clears] = found->second;
   due_.insert_or_assign(
