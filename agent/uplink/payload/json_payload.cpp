@@ -25,7 +25,7 @@ Precision precision_of(const RecordedReading& reading) {
 
 void write_bad(Writer& out, const RecordedReading& reading, std::int64_t now_ms) {
   const bool has_last = reading.bad && reading.last_ms != 0 && is_sayable(reading.value);
-  out.begin_object();
+  out.key(reading.name).begin_object();
   out.key("why").string(to_string(reading.bad.value_or(BadReason::bad_value)));
   out.key("since").integer(reading.bad ? reading.bad_since_ms : now_ms);
   out.key("last");
@@ -111,27 +111,20 @@ std::string sample(const SampleRecord& sample) {
   out.key("meta").string(sample.meta);
   if (sample.span_ms) out.key("span_ms").number(*sample.span_ms);
   if (sample.partial) out.key("partial").boolean(true);
-  const auto is_good = [](const RecordedReading& reading) {
-    return !reading.bad && is_sayable(reading.value);
-  };
-  bool any_bad = false;
+  std::vector<const RecordedReading*> bad;
   out.key("values").begin_object();
   for (const RecordedReading& reading : sample.readings) {
-    if (!is_good(reading)) {
-      any_bad = true;
+    if (reading.bad || !is_sayable(reading.value)) {
+      bad.push_back(&reading);
       continue;
     }
     out.key(reading.name);
     write_value(out, reading.value, precision_of(reading));
   }
   out.end_object();
-  if (any_bad) {
+  if (!bad.empty()) {
     out.key("bad").begin_object();
-    for (const RecordedReading& reading : sample.readings) {
-      if (is_good(reading)) continue;
-      out.key(reading.name);
-      write_bad(out, reading, sample.ts_ms);
-    }
+    for (const RecordedReading* reading : bad) write_bad(out, *reading, sample.ts_ms);
     out.end_object();
   }
   if (sample.written) {
