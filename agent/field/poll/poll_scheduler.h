@@ -28,9 +28,11 @@ class LineShare final {
   /// Sets the number of waiting commands after a fault.
   void commands_are(std::uint32_t waiting) { commands_ = waiting; }
 
-  /// True if a waiting command goes before the polls. If none waits, the polls' claim ends.
+  /// True if a waiting command goes before the polls. If no command waits, or no poll is due, the
+  /// polls' claim ends.
   bool command_goes_first(bool is_poll_due) {
     if (commands_ == 0) owed_to_polls_ = {};
+    if (!is_poll_due) owed_to_polls_ = std::min(owed_to_polls_, std::chrono::nanoseconds(0));
     return commands_ > 0 && !(is_poll_due && owed_to_polls_.count() > 0);
   }
 

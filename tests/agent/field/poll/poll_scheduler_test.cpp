@@ -603,6 +603,26 @@ TEST(PollScheduler, NoPollIsOwedForAQuietTime) {
   EXPECT_EQ(scheduler.next(at(600)).kind, Kind::command);
 }
 
+TEST(PollScheduler, ShareThatThePollsDidNotNeedIsNotOwedLater) {
+  PollScheduler scheduler(0.2);
+  scheduler.add_group(scheduler.add_device(1, kBackOff), milliseconds(100), 1, at(0));
+  scheduler.share().command_waits();
+  scheduler.share().command_waits();  // the flood never ends
+  SteadyTime now = at(0);
+  for (int i = 0; i < 5000; ++i) {
+    const auto job = scheduler.next(now);
+    now += milliseconds(job.kind == Kind::command ? 50 : 1);
+    if (job.kind == Kind::command) {
+      scheduler.command_used(milliseconds(50), now);
+    } else {
+      scheduler.step_used(job.poll, milliseconds(1));
+      scheduler.step_done(job.poll);
+    }
+  }
+  EXPECT_LE(scheduler.share().bound({}, {}, milliseconds(1)), milliseconds(20))
+      << "12.5 ms are the share beside one command";
+}
+
 /// Three devices that share a line. Each has a group that is always due.
 struct SharedLine : PollSchedulerTest {
   SharedLine() {
