@@ -69,6 +69,8 @@ class EdgeNode : public Profile {
   std::vector<Publication> due(SteadyTime now, std::int64_t utc_ms) override;
   std::vector<Publication> farewell(std::int64_t utc_ms) override;
   SteadyTime next_wake() const override;
+  /// True if the node is born in this session, and is not to be born again.
+  bool is_ready() const override { return is_born_ && !rebirth_; }
   /// True, once, if the host is offline.
   bool take_leave() override;
   void refused() override { request_rebirth(); }
@@ -105,9 +107,6 @@ class EdgeNode : public Profile {
   /// not accept a birth of `bytes`: the message would be missing in the order of `seq`.
   bool accepts_birth(std::uint32_t device, std::size_t bytes);
 
-  /// True if the node is born in this session.
-  bool is_born() const { return is_born_; }
-  bool is_rebirth_due() const { return rebirth_; }
   const PrimaryHost& host() const { return host_; }
   /// Number of the session, from 0.
   std::uint64_t session() const { return session_; }

@@ -34,7 +34,6 @@ class SparkplugProfile final : public sparkplug::EdgeNode {
   std::vector<Subscription> subscriptions() const override;
   void hear(const Message& message) override;
   void change(const ConfigChange& change) override;
-  bool is_ready() const override { return is_born() && !is_rebirth_due(); }
   bool leaves_with_will() const override { return true; }
 
   std::vector<Publication> sample(const StreamKey& stream, const SampleRecord& sample) override;

@@ -221,9 +221,7 @@ std::vector<Publication> TypedCommandsProfile::due(SteadyTime now, std::int64_t 
   return messages;
 }
 
-bool TypedCommandsProfile::is_open() const {
-  return is_born() && host().is_online() && !is_rebirth_due();
-}
+bool TypedCommandsProfile::is_open() const { return is_ready() && host().is_online(); }
 
 SteadyTime TypedCommandsProfile::next_wake() const {
   if (!is_asked_ || !is_open()) return EdgeNode::next_wake();
@@ -320,7 +318,7 @@ void TypedCommandsProfile::hear(const Message& message) {
   if (message.retained)
     return ignore_command(message, "it is retained, so it was sent for an earlier time");
   if (message.topic == prefix_ + "REBIRTH/" + node_) {
-    is_asked_ = is_born();
+    is_asked_ = is_ready();  // otherwise a birth is due anyway
     return;
   }
   if (!host().is_online())

@@ -36,7 +36,6 @@ class TypedCommandsProfile final : public sparkplug::EdgeNode {
   void connection_began(const Connected& connected) override;
   void hear(const Message& message) override;
   std::vector<Publication> due(SteadyTime now, std::int64_t utc_ms) override;
-  bool is_ready() const override { return is_born(); }
   SteadyTime next_wake() const override;
   bool wants_samples() const override { return false; }
   std::vector<Publication> sample(const StreamKey&, const SampleRecord&) override { return {}; }
