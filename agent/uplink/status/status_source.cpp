@@ -91,11 +91,7 @@ void LastSamples::add(const Telemetry& message) {
   const auto* const before = static_cast<const RecordedValues*>(group.get());
   auto after = before == nullptr ? std::make_shared<RecordedValues>(nullptr)
                                  : std::make_shared<RecordedValues>(*before);
-  for (const TagReading& reading : message.readings) {
-    Telemetry one = message;
-    one.readings = {reading};
-    after->put(reading.tag, row_of(one, device));
-  }
+  after->put(message.readings.at(0).tag, row_of(message, device));
   group = std::move(after);
 }
 
