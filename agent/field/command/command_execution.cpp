@@ -128,13 +128,11 @@ void set_unsent(TargetResult& out, Reason why_stopping) {
 
 /// Sets the outcome of the command from those of its targets, of which there is at least one.
 void summarise(CommandResult& result) {
-  const TargetResult* telling = &result.targets.back();
-  for (const TargetResult& target : result.targets) {
-    if (target.status == CommandStatus::succeeded) continue;
-    telling = &target;
-    break;
-  }
-  static_cast<CommandOutcome&>(result) = *telling;
+  const auto telling = std::ranges::find_if_not(result.targets, [](const TargetResult& target) {
+    return target.status == CommandStatus::succeeded;
+  });
+  static_cast<CommandOutcome&>(result) =
+      telling == result.targets.end() ? result.targets.back() : *telling;
   if (!result.is_list) return;
   result.progress.reset();
   const auto done = std::count_if(result.targets.begin(), result.targets.end(), was_carried_out);
@@ -209,9 +207,7 @@ asio::awaitable<void> CommandExecution::run_targets() {
   bool going = true;
   for (const AdmittedTarget& target : admitted_.targets) {
     TargetResult out = fxagent::result_of(target);
-    bool going_on = !wire_.is_stopping();
-    if (going && going_on && !result_.targets.empty())
-      going_on = co_await wire_.go_on(/*share=*/true);
+    const bool going_on = co_await wire_.go_on(/*share=*/going && !result_.targets.empty());
     if (!going) {
       set(out, CommandStatus::failed, Reason::none, "not sent: an earlier target did not succeed");
     } else if (!going_on) {
@@ -294,8 +290,7 @@ asio::awaitable<void> CommandExecution::write_target(const AdmittedTarget& targe
   Exchange exchange;
   std::size_t carried_out = 0;
   for (; carried_out < requests.size(); ++carried_out) {
-    bool going_on = !wire_.is_stopping();
-    if (carried_out > 0) going_on = co_await wire_.go_on(gives_way(target));
+    const bool going_on = co_await wire_.go_on(carried_out > 0 && gives_way(target));
     if (!going_on) {
       set_unsent(out, sharing_.why_stopping());
       co_return co_await end_early(target, carried_out, out);
