@@ -94,8 +94,7 @@ struct LinkDevice {
   /// Start of the 24 h for which `logged_causes` holds.
   SteadyTime causes_logged_since{};
   std::bitset<UnexpectedBytes::kCauses> logged_causes;
-  bool asked_in_vain = false;  ///< the last exchange had no answer
-  std::string gateway_says;    ///< last reason of a gateway that answered in its place; empty: none
+  std::string gateway_says;  ///< last reason of a gateway that answered in its place; empty: none
   std::vector<std::string> logged_refusals;  ///< reasons logged since it was online
   DeviceState state{index, *config.codec, utc_now_ms()};
 

@@ -95,8 +95,9 @@ bool is_refused(const LinkParts& link) {
 /// A device that has never answered is reported at once: its settings may be wrong, and on MC
 /// `retries` + 1 timeouts are 15 s.
 bool is_silent(const LinkParts& link, const LinkDevice& device) {
-  const bool never_answered = device.asked_in_vain && !device.state.has_answered();
-  return never_answered || link.scheduler.device(device.id).is_silent();
+  const PolledDevice& polled = link.scheduler.device(device.id);
+  const bool never_answered = polled.unanswered_in_a_row() > 0 && !device.state.has_answered();
+  return never_answered || polled.is_silent();
 }
 
 /// `unanswered_in_a_row`: consecutive unanswered exchanges with any device of the link.
@@ -109,7 +110,8 @@ std::string why_silent(const LinkParts& link, const LinkDevice& device, int unan
   if (device.state.has_answered()) {
     const int own = link.scheduler.device(device.id).unanswered_in_a_row();
     const bool others_answer = std::ranges::any_of(link.devices, [&](const auto& other) {
-      return other.get() != &device && other->state.has_answered() && !other->asked_in_vain;
+      return other.get() != &device && other->state.has_answered() &&
+             link.scheduler.device(other->id).unanswered_in_a_row() == 0;
     });
     return why(others_answer && unanswered_in_a_row < own ? Answers::others_now
                                                           : Answers::until_now);
@@ -291,7 +293,6 @@ void LinkState::answered(LinkDevice& device) {
   if (std::exchange(is_vain_, false) && was_open_) log_up_once();
   if (!link_.bus.channel().never_silent()) reconnect_policy_.opened();
   device.state.answered();
-  device.asked_in_vain = false;
   device.gateway_says.clear();
   PolledDevice& polled = link_.scheduler.device(device.id);
   const bool is_back = polled.is_silent();
@@ -304,14 +305,12 @@ void LinkState::unreachable(LinkDevice& device, const std::string& reason, nanos
   device.log_refusal_once(reason);
   unanswered_in_a_row_ = 0;
   device.gateway_says = reason;
-  device.asked_in_vain = true;
   link_.scheduler.was_silent(device.id, lasted);
   link_.scheduler.device(device.id).unanswered(Clock::now());
 }
 
 void LinkState::unanswered(LinkDevice& device, PolledDevice::AskedBy by) {
   device.gateway_says.clear();
-  device.asked_in_vain = true;
   // A command has reported each of its silences.
   if (by == PolledDevice::AskedBy::poll)
     link_.scheduler.was_silent(device.id, device.station.timeout);

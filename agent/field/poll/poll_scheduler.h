@@ -116,7 +116,6 @@ class PolledDevice final {
 
   void answered() {
     unanswered_ = 0;
-    silent_ = false;
     rest_ = {};
   }
   enum class AskedBy : std::uint8_t { poll, command };
@@ -124,14 +123,12 @@ class PolledDevice final {
   /// until the back-off has passed. Commands begin a rest and never extend one: a stream of them
   /// would keep the polls from finding that the tags are bad.
   bool unanswered(SteadyTime now, AskedBy by = AskedBy::poll) {
+    const bool was_silent = is_silent();
     ++unanswered_;
-    if (unanswered_ < unanswered_limit_) return false;
-    if (silent_ && by == AskedBy::command) return true;
-    silent_ = true;
-    rest_.begin(now, back_off_);
-    return true;
+    if (is_silent() && !(was_silent && by == AskedBy::command)) rest_.begin(now, back_off_);
+    return is_silent();
   }
-  bool is_silent() const { return silent_; }
+  bool is_silent() const { return unanswered_ >= unanswered_limit_; }
   /// Returns the number of consecutive exchanges without an answer.
   int unanswered_in_a_row() const { return unanswered_; }
   SteadyTime rests_until() const { return rest_.until(); }
@@ -145,7 +142,6 @@ class PolledDevice final {
   int unanswered_limit_;
   BackOff back_off_;
   int unanswered_ = 0;
-  bool silent_ = false;
   Rest rest_;
   Counters counters_;
 };
