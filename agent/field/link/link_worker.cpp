@@ -54,13 +54,12 @@ LinkWorker::LinkWorker(asio::any_io_executor executor, const Config& config, std
                        std::span<const std::uint64_t> last_seq, Polling polling,
                        FlightRecorder* recorder)
     : config_(config.links[link]),
-      link_(link),
       polling_(polling),
-      outbox_(outbox),
       bus_(executor, std::move(transport), config_.char_time, config_.listening),
       recorder_(recorder, config_,
                 config.recorder ? ring_bytes(*config.recorder, config.links.size()) : 0),
       scheduler_(config_.poll_share),
+      parts_{config_, link, bus_, scheduler_, devices_, outbox},
       state_(parts_, config.links.size()),
       poller_(parts_, state_),
       commands_(executor, parts_, state_, poller_, recorder_),
@@ -83,10 +82,10 @@ void LinkWorker::number_above(std::uint32_t index, std::uint64_t seq) {
 
 void LinkWorker::submit(AdmittedCommand admitted) {
   LinkDevice* device = device_of(devices_, admitted.command.device);
-  if (device == nullptr) return outbox_.push(not_sent(admitted, Reason::reloading));
-  if (state_.is_stopping()) return outbox_.push(not_sent(admitted, state_.why_stopping()));
-  if (device->leaves_by) return outbox_.push(not_sent(admitted, Reason::reloading));
-  if (yields_until_) return outbox_.push(not_sent(admitted, Reason::yielded));
+  if (device == nullptr) return parts_.outbox.push(not_sent(admitted, Reason::reloading));
+  if (state_.is_stopping()) return parts_.outbox.push(not_sent(admitted, state_.why_stopping()));
+  if (device->leaves_by) return parts_.outbox.push(not_sent(admitted, Reason::reloading));
+  if (yields_until_) return parts_.outbox.push(not_sent(admitted, Reason::yielded));
   commands_.add(std::move(admitted), *device);
   idle_.cancel();
 }
@@ -100,7 +99,7 @@ LinkDevice& LinkWorker::add_device(const Config& config, std::uint32_t index,
   if (index < last_seq.size()) device->seq = last_seq[index];
   DeviceStatus status = device->state.reported();
   status.codec = device->codec;
-  outbox_.push(std::move(status));
+  parts_.outbox.push(std::move(status));
   return *devices_.emplace_back(std::move(device));
 }
 
@@ -284,7 +283,7 @@ void LinkWorker::trace(bool on) {
 void LinkWorker::report(FieldHealth& health) {
   const auto now = Clock::now();
   Wire::Counters& counters = bus_.counters();
-  LinkHealth& link = health.links[link_];
+  LinkHealth& link = health.links[parts_.index];
   static_cast<BusCounters&>(link) = counters;
   link.open = bus_.is_open();
   link.yielded = state_.is_yielded();
@@ -300,7 +299,7 @@ void LinkWorker::report(FieldHealth& health) {
   }
   link.load_percent = 100.0 * scheduler_.load();
   link.turnaround_ms = counters.turnaround_ms.percentiles();
-  if (counters.durations) health.durations[link_] = *counters.durations;
+  if (counters.durations) health.durations[parts_.index] = *counters.durations;
   for (const auto& device : devices_) {
     DeviceHealth& out = health.devices[device->index];
     out.polls = scheduler_.device(device->id).counters().polls;

@@ -110,14 +110,12 @@ class LinkWorker final {
   asio::awaitable<void> open_line();
 
   const LinkConfig config_;  ///< as at its beginning: adjust() does not change it
-  const std::uint32_t link_;
   const Polling polling_;
-  Outbox& outbox_;
   Bus bus_;
   LinkRecorder recorder_;
   PollScheduler scheduler_;
   LinkDevices devices_;
-  const LinkParts parts_{config_, link_, bus_, scheduler_, devices_, outbox_};
+  const LinkParts parts_;
   LinkState state_;
   BusLog bus_log_{parts_};
   Poller poller_;
