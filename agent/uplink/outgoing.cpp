@@ -27,7 +27,6 @@ void Outgoing::forget() {
   groups_.clear();
   waiting_.clear();
   marker_ = 0;
-  marker_turn_ = 0;
   last_unproven_ = 0;
   unanswered_since_.reset();
 }

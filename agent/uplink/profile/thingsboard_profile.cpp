@@ -243,7 +243,6 @@ void ThingsBoardProfile::connection_began(const Connected&) {
 void ThingsBoardProfile::connection_ended() {
   ++session_;
   for (Device& device : devices_) device.is_connected = device.is_described = false;
-  changed_.clear();
   gone_.clear();
   answers_.clear();
   reasons_.clear();

@@ -103,18 +103,10 @@ void EdgeNode::connection_began(const Connected& connected) {
   host_.connection_began();
   max_packet_ = connected.maximum_packet;
   rebirth_ = true;
-  born_at_ = {};
   leaves_ = false;
   for (Life& life : lives_) life.is_too_large = false;
   if (!host_.is_online())
     log::info("primary_host", {{"topic", host_.topic()}, {"state", "awaited"}});
-}
-
-void EdgeNode::connection_ended() {
-  is_born_ = false;
-  rebirth_ = false;
-  dead_.clear();
-  for (Life& life : lives_) life.is_born = false;
 }
 
 bool EdgeNode::hear_host(const Message& message) {

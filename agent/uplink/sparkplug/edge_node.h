@@ -62,7 +62,7 @@ class EdgeNode : public Profile {
   /// Begins a session, whose number rises only if a connection came about since the last call.
   Publication last_will() override;
   void connection_began(const Connected& connected) override;
-  void connection_ended() override;
+  void connection_ended() override { is_born_ = false; }
   void device_state(const DeviceStatus& status) override;
   void change(const ConfigChange& change) override;
   /// Returns births and deaths in their order: while the host is offline none are due.
@@ -121,7 +121,7 @@ class EdgeNode : public Profile {
  private:
   struct Life {
     bool is_alive = false;      ///< it answers
-    bool is_born = false;       ///< in this session
+    bool is_born = false;       ///< since the node's last birth
     bool is_too_large = false;  ///< its birth, for the broker of this session
   };
 

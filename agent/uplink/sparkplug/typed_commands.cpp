@@ -186,11 +186,6 @@ std::vector<Subscription> TypedCommandsProfile::subscriptions() const {
   return filters;
 }
 
-void TypedCommandsProfile::connection_began(const Connected& connected) {
-  EdgeNode::connection_began(connected);
-  is_asked_ = false;
-}
-
 /// Has the number of the session and nothing else, since it is the last will, too.
 Publication TypedCommandsProfile::node_death(std::int64_t) const {
   Packet packet;

@@ -33,7 +33,6 @@ class TypedCommandsProfile final : public sparkplug::EdgeNode {
                        std::function<std::int64_t()> utc_ms);
 
   std::vector<Subscription> subscriptions() const override;
-  void connection_began(const Connected& connected) override;
   void hear(const Message& message) override;
   std::vector<Publication> due(SteadyTime now, std::int64_t utc_ms) override;
   SteadyTime next_wake() const override;
