@@ -51,13 +51,13 @@ ConfigNode written_out(ConfigReader& reader, DeviceEntry& entry, std::size_t i) 
   std::erase_if(device.children, [](const ConfigNode& member) {
     return member.key == "template" || member.key == "n";
   });
-  const auto fill = [&](ConfigNode& list, const ConfigKey& key) {
-    if (list.key != key.name) return;
+  const auto fill = [&](ConfigNode& list, KeyRef key) {
+    if (list.key != key->name) return;
     for (const ConfigNode* item : entry.items(reader, key)) list.children.push_back(*item);
   };
   for (ConfigNode& member : device.children) {
-    fill(member, config_key("devices[].groups"));
-    fill(member, config_key("devices[].tags"));
+    fill(member, "devices[].groups");
+    fill(member, "devices[].tags");
   }
   if (!origin.n.empty()) put_n(device, "devices[]", origin.n);
   reader.set_origin(nullptr);

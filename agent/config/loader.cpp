@@ -30,33 +30,30 @@ std::string_view root_fault(std::string_view root) {
 }
 
 void read_agent(ConfigReader& reader, const ConfigNode& agent, Config& config) {
-  reader.check_object(agent, config_section("agent"));
-  config.id = reader.name(agent, config_key("agent.id")).value_or("");
-  config.root = reader.text(agent, config_key("agent.root"))
-                    .value_or(std::string(config_key("agent.root").word()));
+  config.id = reader.name(agent, "agent.id").value_or("");
+  config.root =
+      reader.text(agent, "agent.root").value_or(std::string(config_key("agent.root").word()));
   if (const auto fault = root_fault(config.root); !fault.empty())
     reader.error(*agent.find("root"), std::string(fault));
   config.remote = read_remote_limits(reader, agent);
 }
 
 void read_store(ConfigReader& reader, const ConfigNode& node, StoreConfig& store) {
-  reader.check_object(node, config_section("store"));
-  store.path = reader.text(node, config_key("store.path")).value_or("");
-  reader.set_integer(store.max_bytes, node, config_key("store.max_bytes"));
-  reader.set_integer(store.max_age, node, config_key("store.max_age_h"));
-  store.sync_always = reader.choice_or_default(node, config_key("store.sync")) == 1;
-  reader.set_integer(store.audit_max_bytes, node, config_key("store.audit_max_bytes"));
-  reader.set_integer(store.audit_max_age, node, config_key("store.audit_max_age_h"));
+  store.path = reader.text(node, "store.path").value_or("");
+  reader.set_integer(store.max_bytes, node, "store.max_bytes");
+  reader.set_integer(store.max_age, node, "store.max_age_h");
+  store.sync_always = reader.choice_or_default(node, "store.sync") == 1;
+  reader.set_integer(store.audit_max_bytes, node, "store.audit_max_bytes");
+  reader.set_integer(store.audit_max_age, node, "store.audit_max_age_h");
 }
 
 std::optional<RecorderConfig> read_recorder(ConfigReader& reader, const ConfigNode& node) {
-  reader.check_object(node, config_section("recorder"));
-  const auto path = reader.text(node, config_key("recorder.path"));
+  const auto path = reader.text(node, "recorder.path");
   RecorderConfig recorder;
-  if (const auto bytes = reader.integer(node, config_key("recorder.link_bytes")))
+  if (const auto bytes = reader.integer(node, "recorder.link_bytes"))
     recorder.link_bytes = static_cast<std::uint64_t>(*bytes);
-  reader.set_integer(recorder.files, node, config_key("recorder.files"));
-  reader.set_integer(recorder.max_bytes, node, config_key("recorder.max_bytes"));
+  reader.set_integer(recorder.files, node, "recorder.files");
+  reader.set_integer(recorder.max_bytes, node, "recorder.max_bytes");
   if (!path) return std::nullopt;
   recorder.path = *path;
   return recorder;
@@ -78,10 +75,9 @@ constexpr std::array<std::string_view, 4> kTakenMembers{"state", "meta", "comman
 
 std::optional<PairConfig> read_pair(ConfigReader& reader, const ConfigNode& node,
                                     const Config& config) {
-  reader.check_object(node, config_section("pair"));
-  const auto member = reader.name(node, config_key("pair.member"));
+  const auto member = reader.name(node, "pair.member");
   PairConfig pair;
-  reader.set_integer(pair.quiet, node, config_key("pair.quiet_ms"));
+  reader.set_integer(pair.quiet, node, "pair.quiet_ms");
   if (config.store.path.empty())
     reader.error(node,
                  "a pair needs a store: the standby keeps the ids of commands there, so that a "
@@ -128,37 +124,36 @@ void warn_of_slow_devices(ConfigReader& reader, const ConfigNode& node, const Co
 
 Config read_top(ConfigReader& reader, const ConfigNode& top, FilePrivacy privacy) {
   Config config;
-  if (!reader.check_object(top, config_section(""))) return config;
-  reader.text(top, config_key("$schema"));
-  if (const ConfigNode* agent = reader.object(top, config_key("agent")))
-    read_agent(reader, *agent, config);
-  if (const ConfigNode* mqtt = reader.object(top, config_key("mqtt")))
+  if (!reader.check_object(top, "")) return config;
+  reader.text(top, "$schema");
+  if (const ConfigNode* agent = reader.object(top, "agent")) read_agent(reader, *agent, config);
+  if (const ConfigNode* mqtt = reader.object(top, "mqtt"))
     read_mqtt(reader, *mqtt, config, privacy);
-  if (const ConfigNode* brokers = reader.array(top, config_key("brokers")))
+  if (const ConfigNode* brokers = reader.array(top, "brokers"))
     read_brokers(reader, *brokers, config, privacy);
-  if (const ConfigNode* store = reader.object(top, config_key("store")))
+  if (const ConfigNode* store = reader.object(top, "store"))
     read_store(reader, *store, config.store);
   else if (top.find("store") == nullptr)
     reader.warn(top,
                 "no store: samples are lost while the broker is unreachable, and a restart loses "
                 "the ids of commands");
   config.http = read_http(reader, top);
-  const ConfigNode* recorder = reader.object(top, config_key("recorder"));
+  const ConfigNode* recorder = reader.object(top, "recorder");
   if (recorder != nullptr) config.recorder = read_recorder(reader, *recorder);
-  const ConfigNode* pair = reader.object(top, config_key("pair"));
+  const ConfigNode* pair = reader.object(top, "pair");
   if (pair != nullptr) config.pair = read_pair(reader, *pair, config);
   Links links;
-  const ConfigNode* link_array = reader.array(top, config_key("links"));
+  const ConfigNode* link_array = reader.array(top, "links");
   if (link_array != nullptr)
     links = read_links(reader, *link_array, config);
   else
     links.names.add_unnamed();
-  if (const ConfigNode* devices = reader.array(top, config_key("devices"))) {
+  if (const ConfigNode* devices = reader.array(top, "devices")) {
     if (devices->children.empty()) reader.warn(*devices, "no devices: the agent reads nothing");
     read_devices(reader, top, *devices, links, config);
   }
   if (link_array != nullptr) finish_links(reader, *link_array, links, config);
-  if (const ConfigNode* profiles = reader.array(top, config_key("profiles")))
+  if (const ConfigNode* profiles = reader.array(top, "profiles"))
     read_profiles(reader, *profiles, config);
   const auto is_pair = [](const auto& named) { return named.name == "pair"; };
   if (config.pair &&

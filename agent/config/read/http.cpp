@@ -58,7 +58,7 @@ bool is_loopback(const HttpConfig& config) {
 /// Reads the names by which browsers may call the page.
 std::vector<std::string> read_hosts(ConfigReader& reader, const ConfigNode& node) {
   std::vector<std::string> hosts;
-  const ConfigNode* list = reader.array(node, config_key("http.hosts"));
+  const ConfigNode* list = reader.array(node, "http.hosts");
   if (list == nullptr) return hosts;
   for (const ConfigNode& item : list->children) {
     const auto host = reader.text(item);
@@ -73,8 +73,8 @@ std::vector<std::string> read_hosts(ConfigReader& reader, const ConfigNode& node
 }
 
 /// Reads `listen` of the section at `node`; `key` is its key.
-std::optional<HttpConfig> read_listen(ConfigReader& reader, const ConfigNode& node,
-                                      const ConfigKey& key, std::string_view open_to_all) {
+std::optional<HttpConfig> read_listen(ConfigReader& reader, const ConfigNode& node, KeyRef key,
+                                      std::string_view open_to_all) {
   const auto text = reader.text(node, key);
   if (!text) return std::nullopt;
   const ConfigNode& at = *node.find("listen");
@@ -92,21 +92,17 @@ std::optional<HttpConfig> read_listen(ConfigReader& reader, const ConfigNode& no
 }  // namespace
 
 std::optional<HttpConfig> read_http(ConfigReader& reader, const ConfigNode& top) {
-  const ConfigNode* page = reader.object(top, config_key("http"));
-  const ConfigNode* metrics = reader.object(top, config_key("metrics"));
-  if (metrics != nullptr) reader.check_object(*metrics, config_section("metrics"));
+  const ConfigNode* page = reader.object(top, "http");
+  const ConfigNode* metrics = reader.object(top, "metrics");
   if (page == nullptr)
-    return metrics == nullptr
-               ? std::nullopt
-               : read_listen(reader, *metrics, config_key("metrics.listen"), "metrics have");
+    return metrics == nullptr ? std::nullopt
+                              : read_listen(reader, *metrics, "metrics.listen", "metrics have");
   if (metrics != nullptr)
     reader.error(*metrics,
                  "stands beside \"http\", which serves the metrics, too: remove this one");
-  reader.check_object(*page, config_section("http"));
-  auto config =
-      read_listen(reader, *page, config_key("http.listen"), "the page and the metrics have");
+  auto config = read_listen(reader, *page, "http.listen", "the page and the metrics have");
   const auto hosts = read_hosts(reader, *page);
-  const auto token_file = reader.text(*page, config_key("http.token_file"));
+  const auto token_file = reader.text(*page, "http.token_file");
   if (!config) return std::nullopt;
   if (token_file && !is_loopback(*config))
     reader.error(

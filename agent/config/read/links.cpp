@@ -23,12 +23,9 @@ using Channels = std::map<std::string, const ConfigNode*, std::less<>>;
 
 Rs485 read_rs485(ConfigReader& reader, const ConfigNode& node) {
   Rs485 direction;
-  reader.check_object(node, config_section("links[].serial.rs485"));
-  direction.rts_on_send = reader.boolean(node, config_key("links[].serial.rs485.rts_on_send"));
-  reader.set_integer(direction.delay_before, node,
-                     config_key("links[].serial.rs485.delay_before_ms"));
-  reader.set_integer(direction.delay_after, node,
-                     config_key("links[].serial.rs485.delay_after_ms"));
+  direction.rts_on_send = reader.boolean(node, "links[].serial.rs485.rts_on_send");
+  reader.set_integer(direction.delay_before, node, "links[].serial.rs485.delay_before_ms");
+  reader.set_integer(direction.delay_after, node, "links[].serial.rs485.delay_after_ms");
   return direction;
 }
 
@@ -49,9 +46,8 @@ void warn_of_second(ConfigReader& reader, const ConfigNode& link, const ConfigNo
 
 /// Reads `host` and `port` of the `tcp` or `udp` at `node`.
 template <class Settings>
-void read_place(ConfigReader& reader, const ConfigNode& link, const ConfigNode& node,
-                const ConfigKey& host, const ConfigKey& port, std::string_view kind,
-                Channels& channels, Settings& settings) {
+void read_place(ConfigReader& reader, const ConfigNode& link, const ConfigNode& node, KeyRef host,
+                KeyRef port, std::string_view kind, Channels& channels, Settings& settings) {
   settings.host = reader.text(node, host).value_or("");
   if (!settings.host.empty()) {
     // "meter.local:502" has a port; an IPv6 address has more than one colon.
@@ -81,9 +77,8 @@ void read_place(ConfigReader& reader, const ConfigNode& link, const ConfigNode& 
 void read_serial(ConfigReader& reader, const ConfigNode& link, const ConfigNode& node,
                  Channels& channels, LinkConfig& config) {
   SerialSettings settings;
-  reader.check_object(node, config_section("links[].serial"));
-  settings.path = reader.text(node, config_key("links[].serial.path")).value_or("");
-  if (const ConfigNode* rs485 = reader.object(node, config_key("links[].serial.rs485")))
+  settings.path = reader.text(node, "links[].serial.path").value_or("");
+  if (const ConfigNode* rs485 = reader.object(node, "links[].serial.rs485"))
     settings.rs485 = read_rs485(reader, *rs485);
   if (!settings.path.empty()) {
     const ConfigNode& path = *node.find("path");
@@ -101,9 +96,7 @@ void read_serial(ConfigReader& reader, const ConfigNode& link, const ConfigNode&
 void read_tcp(ConfigReader& reader, const ConfigNode& link, const ConfigNode& node,
               Channels& channels, LinkConfig& config) {
   TcpSettings settings;
-  reader.check_object(node, config_section("links[].tcp"));
-  read_place(reader, link, node, config_key("links[].tcp.host"), config_key("links[].tcp.port"),
-             "tcp", channels, settings);
+  read_place(reader, link, node, "links[].tcp.host", "links[].tcp.port", "tcp", channels, settings);
   if (link.find("line_baud") == nullptr)
     for (const auto key : {"data_bits"sv, "parity"sv, "stop_bits"sv})
       if (const ConfigNode* stray = link.find(key))
@@ -114,10 +107,8 @@ void read_tcp(ConfigReader& reader, const ConfigNode& link, const ConfigNode& no
 void read_udp(ConfigReader& reader, const ConfigNode& link, const ConfigNode& node,
               Channels& channels, LinkConfig& config) {
   UdpSettings settings;
-  reader.check_object(node, config_section("links[].udp"));
-  read_place(reader, link, node, config_key("links[].udp.host"), config_key("links[].udp.port"),
-             "udp", channels, settings);
-  if (const auto own = reader.integer(node, config_key("links[].udp.local_port"))) {
+  read_place(reader, link, node, "links[].udp.host", "links[].udp.port", "udp", channels, settings);
+  if (const auto own = reader.integer(node, "links[].udp.local_port")) {
     settings.local_port = static_cast<std::uint16_t>(*own);
     const ConfigNode& at = *node.find("local_port");
     const auto [first, fresh] = channels.emplace("own " + std::to_string(*own), &at);
@@ -130,15 +121,15 @@ void read_udp(ConfigReader& reader, const ConfigNode& link, const ConfigNode& no
 }
 
 /// Reads the speed and character format at `node`. The protocol supplies missing values.
-void read_line(ConfigReader& reader, const ConfigNode& node, const ConfigKey& baud,
+void read_line(ConfigReader& reader, const ConfigNode& node, KeyRef baud,
                const LineDefaults& defaults, SerialSettings& line) {
   line.baud = static_cast<int>(reader.integer(node, baud).value_or(defaults.baud));
   line.data_bits = static_cast<int>(
-      reader.integer(node, config_key("links[].serial.data_bits")).value_or(defaults.data_bits));
-  const auto parity = reader.choice(node, config_key("links[].serial.parity"));
+      reader.integer(node, "links[].serial.data_bits").value_or(defaults.data_bits));
+  const auto parity = reader.choice(node, "links[].serial.parity");
   line.parity = parity ? static_cast<Parity>(*parity) : defaults.parity;
   line.stop_bits = static_cast<int>(
-      reader.integer(node, config_key("links[].serial.stop_bits")).value_or(defaults.stop_bits));
+      reader.integer(node, "links[].serial.stop_bits").value_or(defaults.stop_bits));
 }
 
 /// Reports an error if the file sets fewer data bits than the protocol or an option of one of the
@@ -200,15 +191,15 @@ Links read_links(ConfigReader& reader, const ConfigNode& array, Config& config) 
     if (!reader.has_room(node, {.links = 1})) break;
     LinkConfig& link = config.links.emplace_back();
     LinkFacts& facts = links.facts.emplace_back();
-    if (!reader.check_object(node, config_section("links[]"))) {
+    if (!reader.check_object(node, "links[]")) {
       links.names.add_unnamed();
       continue;
     }
-    link.name = links.names.read(reader, node, config_key("links[].name"),
+    link.name = links.names.read(reader, node, "links[].name",
                                  static_cast<std::uint32_t>(config.links.size() - 1));
-    const ConfigNode* serial = reader.object(node, config_key("links[].serial"));
-    const ConfigNode* tcp = reader.object(node, config_key("links[].tcp"));
-    const ConfigNode* udp = reader.object(node, config_key("links[].udp"));
+    const ConfigNode* serial = reader.object(node, "links[].serial");
+    const ConfigNode* tcp = reader.object(node, "links[].tcp");
+    const ConfigNode* udp = reader.object(node, "links[].udp");
     const auto is_given = [&](std::string_view channel) { return node.find(channel) != nullptr; };
     if (const auto given = std::ranges::count_if(kChannels, is_given); given != 1) {
       reader.error(node, given == 0 ? "needs \"serial\", \"tcp\" or \"udp\""
@@ -224,14 +215,14 @@ Links read_links(ConfigReader& reader, const ConfigNode& array, Config& config) 
     const ConfigKey& share = config_key("links[].poll_share_percent");
     link.poll_share =
         static_cast<double>(reader.integer(node, share).value_or(share.number())) / 100;
-    link.allow_yield = reader.boolean(node, config_key("links[].allow_yield"));
+    link.allow_yield = reader.boolean(node, "links[].allow_yield");
   }
   return links;
 }
 
 void join_link(ConfigReader& reader, const DeviceEntry& entry, Links& links, DeviceConfig& device) {
   const ConfigNode& node = entry.members();
-  const auto name = reader.name(node, config_key("devices[].link"));
+  const auto name = reader.name(node, "devices[].link");
   if (!name) return;
   const ConfigNode& given = *node.find("link");
   const auto index = links.names.find(*name);
@@ -274,11 +265,11 @@ void finish_links(ConfigReader& reader, const ConfigNode& array, const Links& li
     LineDefaults defaults = facts.protocol != nullptr ? facts.protocol->line : LineDefaults{};
     SerialSettings& line = lines[i];
     if (auto* serial = std::get_if<SerialSettings>(&link.channel)) {
-      read_line(reader, *facts.line, config_key("links[].serial.baud"), defaults, *serial);
+      read_line(reader, *facts.line, "links[].serial.baud", defaults, *serial);
       line = *serial;
     } else {
       defaults.baud = 0;  // unknown
-      read_line(reader, *facts.line, config_key("links[].line_baud"), defaults, line);
+      read_line(reader, *facts.line, "links[].line_baud", defaults, line);
       std::get<TcpSettings>(link.channel).line_baud = line.baud;
     }
     if (facts.protocol != nullptr)

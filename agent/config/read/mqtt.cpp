@@ -65,9 +65,9 @@ namespace {
 
 void read_tls(ConfigReader& reader, const ConfigNode& node, MqttConfig& mqtt) {
   TlsSettings tls;
-  tls.ca_file = reader.text(node, config_key("mqtt.tls.ca_file")).value_or("");
-  tls.cert_file = reader.text(node, config_key("mqtt.tls.cert_file")).value_or("");
-  tls.key_file = reader.text(node, config_key("mqtt.tls.key_file")).value_or("");
+  tls.ca_file = reader.text(node, "mqtt.tls.ca_file").value_or("");
+  tls.cert_file = reader.text(node, "mqtt.tls.cert_file").value_or("");
+  tls.key_file = reader.text(node, "mqtt.tls.key_file").value_or("");
   if ((node.find("cert_file") == nullptr) != (node.find("key_file") == nullptr))
     reader.error(node, "needs both cert_file and key_file, or neither");
   const bool encrypted = std::ranges::any_of(
@@ -78,10 +78,10 @@ void read_tls(ConfigReader& reader, const ConfigNode& node, MqttConfig& mqtt) {
 
 void read_password(ConfigReader& reader, const ConfigNode& node, MqttConfig& mqtt,
                    FilePrivacy privacy) {
-  mqtt.password_file = reader.text(node, config_key("mqtt.password_file")).value_or("");
-  mqtt.password_env = reader.text(node, config_key("mqtt.password_env")).value_or("");
-  const bool is_allowed = reader.boolean(node, config_key("mqtt.allow_plain_secret"));
-  if (const auto secret = reader.secret(node, config_key("mqtt.password"))) {
+  mqtt.password_file = reader.text(node, "mqtt.password_file").value_or("");
+  mqtt.password_env = reader.text(node, "mqtt.password_env").value_or("");
+  const bool is_allowed = reader.boolean(node, "mqtt.allow_plain_secret");
+  if (const auto secret = reader.secret(node, "mqtt.password")) {
     const ConfigNode& at = *node.find("password");
     mqtt.password = secret->value;
     if (node.find("password_file") != nullptr || node.find("password_env") != nullptr)
@@ -114,12 +114,12 @@ std::string default_client_id(const std::string& id) {
   return text.replace(text.find(place), place.size(), id);
 }
 
-/// Reads the keys that `mqtt` and each of the `brokers` have. `tls` are those of their TLS.
+/// Reads the keys that `mqtt` and each of the `brokers` have. `tls_key` is that of their TLS.
 MqttConfig read_broker(ConfigReader& reader, const ConfigNode& node, const std::string& id,
-                       FilePrivacy privacy, std::span<const ConfigKey> tls_keys) {
+                       FilePrivacy privacy, KeyRef tls_key) {
   MqttConfig mqtt;
-  if (const ConfigNode* servers = reader.array(node, config_key("mqtt.servers"))) {
-    const auto items = reader.items(node, config_key("mqtt.servers"));
+  if (const ConfigNode* servers = reader.array(node, "mqtt.servers")) {
+    const auto items = reader.items(node, "mqtt.servers");
     if (items.empty()) reader.error(*servers, "needs at least one server");
     for (const ConfigNode& item : items) {
       const auto text = reader.text(item);
@@ -130,41 +130,37 @@ MqttConfig read_broker(ConfigReader& reader, const ConfigNode& node, const std::
         reader.error(item, std::string(server.error()));
     }
   }
-  mqtt.version = reader.choice_or_default(node, config_key("mqtt.version")) == 0 ? 5 : 4;
-  mqtt.client_id = reader.text(node, config_key("mqtt.client_id")).value_or(default_client_id(id));
-  mqtt.username = reader.text(node, config_key("mqtt.username")).value_or("");
+  mqtt.version = reader.choice_or_default(node, "mqtt.version") == 0 ? 5 : 4;
+  mqtt.client_id = reader.text(node, "mqtt.client_id").value_or(default_client_id(id));
+  mqtt.username = reader.text(node, "mqtt.username").value_or("");
   read_password(reader, node, mqtt, privacy);
-  if (const ConfigNode* tls = reader.object(node, config_key("mqtt.tls"))) {
-    reader.check_object(*tls, tls_keys);
-    read_tls(reader, *tls, mqtt);
-  }
-  reader.set_integer(mqtt.keep_alive, node, config_key("mqtt.keep_alive_s"));
+  if (const ConfigNode* tls = reader.object(node, tls_key)) read_tls(reader, *tls, mqtt);
+  reader.set_integer(mqtt.keep_alive, node, "mqtt.keep_alive_s");
   const ConfigNode* qos = node.find("qos");
   if (qos == nullptr || qos->number != 2)
-    reader.set_integer(mqtt.qos, node, config_key("mqtt.qos"));
+    reader.set_integer(mqtt.qos, node, "mqtt.qos");
   else
     reader.error(*qos, "must be 0 or 1; with 1 the seq shows repeats, and 2 would only cost time");
-  reader.set_integer(mqtt.reconnect_spread, node, config_key("mqtt.reconnect_spread_s"));
+  reader.set_integer(mqtt.reconnect_spread, node, "mqtt.reconnect_spread_s");
   return mqtt;
 }
 
 }  // namespace
 
 void read_mqtt(ConfigReader& reader, const ConfigNode& node, Config& config, FilePrivacy privacy) {
-  reader.check_object(node, config_section("mqtt"));
-  config.mqtt = read_broker(reader, node, config.id, privacy, config_section("mqtt.tls"));
+  config.mqtt = read_broker(reader, node, config.id, privacy, "mqtt.tls");
 }
 
 void read_brokers(ConfigReader& reader, const ConfigNode& list, Config& config,
                   FilePrivacy privacy) {
   for (const ConfigNode& node : list.children) {
-    if (!reader.check_object(node, config_section("brokers[]"))) continue;
+    if (!reader.check_object(node, "brokers[]")) continue;
     BrokerConfig broker;
-    broker.name = reader.name(node, config_key("brokers[].name")).value_or("");
+    broker.name = reader.name(node, "brokers[].name").value_or("");
     if (!broker.name.empty() && broker_named(config, broker.name) != nullptr)
       reader.error(*node.find("name"), "another broker has this name");
-    broker.commands = reader.boolean(node, config_key("brokers[].commands"));
-    broker.mqtt = read_broker(reader, node, config.id, privacy, config_section("brokers[].tls"));
+    broker.commands = reader.boolean(node, "brokers[].commands");
+    broker.mqtt = read_broker(reader, node, config.id, privacy, "brokers[].tls");
     config.brokers.push_back(std::move(broker));
   }
 }

@@ -21,17 +21,16 @@ namespace {
 
 /// Replaces each `{name}` with the value of the key `name`, if `text` has it. Returns false, and
 /// reports that, if there is no value.
-bool put_name(ConfigReader& reader, const ConfigNode& node, const ConfigKey& key,
-              std::string& text) {
-  const std::string place = "{" + std::string(key.name) + "}";
+bool put_name(ConfigReader& reader, const ConfigNode& node, KeyRef key, std::string& text) {
+  const std::string place = "{" + std::string(key->name) + "}";
   const auto value = reader.text(node, key);
   std::size_t at = text.find(place);
   if (at == text.npos) {
-    if (value) reader.warn(*node.find(key.name), "has no effect: the topic has no " + place);
+    if (value) reader.warn(*node.find(key->name), "has no effect: the topic has no " + place);
     return true;
   }
   if (!value) {
-    reader.error(node, "the topic has " + place + ": set " + std::string(key.name));
+    reader.error(node, "the topic has " + place + ": set " + std::string(key->name));
     return false;
   }
   for (; at != text.npos; at = text.find(place, at + value->size()))
@@ -88,9 +87,9 @@ void read_plain(ConfigReader& reader, const ConfigNode& node, const Config& conf
                 ProfileConfig& profile) {
   const ConfigKey& key = config_key("profiles[].topic");
   profile.topic = reader.text(node, key).value_or(std::string(key.word()));
-  const std::array known{put_name(reader, node, config_key("profiles[].site"), profile.topic),
-                         put_name(reader, node, config_key("profiles[].area"), profile.topic),
-                         put_name(reader, node, config_key("profiles[].line"), profile.topic)};
+  const std::array known{put_name(reader, node, "profiles[].site", profile.topic),
+                         put_name(reader, node, "profiles[].area", profile.topic),
+                         put_name(reader, node, "profiles[].line", profile.topic)};
   if (contains(known, false)) return;
   const ConfigNode& at = node.find("topic") != nullptr ? *node.find("topic") : node;
   const auto topics = PlainTopic::parse(profile.topic, config.root, config.id);
@@ -124,18 +123,18 @@ std::optional<std::string> key_fault(const Config& config) {
 
 void read_sparkplug(ConfigReader& reader, const ConfigNode& node, const Config& config,
                     ProfileConfig& profile) {
-  const auto id = [&](const ConfigKey& key) {
+  const auto id = [&](KeyRef key) {
     const std::string text = reader.text(node, key).value_or("");
     if (text.find_first_of("/+#") != text.npos)
-      reader.error(*node.find(key.name), "must not have /, + or #");
+      reader.error(*node.find(key->name), "must not have /, + or #");
     return text;
   };
-  profile.group = id(config_key("profiles[].group"));
+  profile.group = id("profiles[].group");
   if (node.find("group") == nullptr) reader.error(node, "needs group, the Sparkplug group id");
-  profile.node = id(config_key("profiles[].node"));
+  profile.node = id("profiles[].node");
   if (profile.node.empty()) profile.node = config.id;
-  profile.host = id(config_key("profiles[].host"));
-  profile.old_state = reader.boolean(node, config_key("profiles[].old_state"));
+  profile.host = id("profiles[].host");
+  profile.old_state = reader.boolean(node, "profiles[].old_state");
   if (profile.old_state && profile.host.empty())
     reader.warn(*node.find("old_state"), "has no effect without host");
 }
@@ -182,12 +181,12 @@ void read_profiles(ConfigReader& reader, const ConfigNode& list, Config& config)
   std::set<std::string> names;
   bool has_json = false;
   for (const ConfigNode& node : list.children) {
-    if (!reader.check_object(node, config_section("profiles[]"))) continue;
-    const auto kind = reader.choice(node, config_key("profiles[].kind"));
+    if (!reader.check_object(node, "profiles[]")) continue;
+    const auto kind = reader.choice(node, "profiles[].kind");
     if (!kind) continue;
     ProfileConfig profile;
     profile.kind = static_cast<ProfileConfig::Kind>(*kind);
-    profile.broker = reader.name(node, config_key("profiles[].broker")).value_or("");
+    profile.broker = reader.name(node, "profiles[].broker").value_or("");
     if (!profile.broker.empty() && broker_named(config, profile.broker) == nullptr)
       reader.error(*node.find("broker"), "no broker in brokers has the name " +
                                              shown(profile.broker) +
@@ -204,7 +203,7 @@ void read_profiles(ConfigReader& reader, const ConfigNode& list, Config& config)
                     "ThingsBoard does not accept the topics of json: if the broker of mqtt is "
                     "ThingsBoard, move it to brokers, and name it in \"broker\"");
     }
-    reader.set_integer(profile.deadline, node, config_key("profiles[].deadline_s"));
+    reader.set_integer(profile.deadline, node, "profiles[].deadline_s");
     if (!names.insert(name_of(profile)).second)
       reader.error(node, "this kind stands twice for the same broker");
     if (profile.kind == ProfileConfig::Kind::json && profile.broker.empty()) {
@@ -212,7 +211,7 @@ void read_profiles(ConfigReader& reader, const ConfigNode& list, Config& config)
       continue;
     }
     config.profiles.push_back(profile);
-    if (reader.boolean(node, config_key("profiles[].commands")))
+    if (reader.boolean(node, "profiles[].commands"))
       config.profiles.push_back(typed_commands(reader, node, config, std::move(profile)));
   }
   for (const ProfileConfig& profile : config.profiles)

@@ -109,13 +109,15 @@ std::vector<std::string> ConfigReader::warnings() const {
   return list;
 }
 
-bool ConfigReader::check_object(const ConfigNode& node, std::span<const ConfigKey> keys,
+bool ConfigReader::check_object(const ConfigNode& node, std::string_view section,
                                 std::span<const std::string_view> more,
                                 std::span<const std::string_view> left_to_caller) {
   if (node.kind != Kind::object) {
     wrong_kind(node, "an object");
     return false;
   }
+  const std::span<const ConfigKey> keys = config_section(section);
+  if (keys.empty()) return true;
   std::unordered_map<std::string_view, const ConfigNode*> seen;
   for (const ConfigNode& child : node.children) {
     const auto [first, fresh] = seen.emplace(child.key, &child);
@@ -131,17 +133,17 @@ bool ConfigReader::check_object(const ConfigNode& node, std::span<const ConfigKe
     if (may_suggest(child.key_offset)) {
       auto known = names_in(keys);
       known.insert(known.end(), more.begin(), more.end());
-      text += cure_of_key(child.key, keys.front().section, known);
+      text += cure_of_key(child.key, section, known);
     }
     error_at_key(child, std::move(text));
   }
   return true;
 }
 
-const ConfigNode* ConfigReader::member(const ConfigNode& parent, const ConfigKey& key) {
-  const ConfigNode* node = parent.find(key.name);
-  if (node == nullptr && key.is_required())
-    error(parent, "\"" + std::string(key.name) + "\" is missing");
+const ConfigNode* ConfigReader::member(const ConfigNode& parent, KeyRef key) {
+  const ConfigNode* node = parent.find(key->name);
+  if (node == nullptr && key->is_required())
+    error(parent, "\"" + std::string(key->name) + "\" is missing");
   return node;
 }
 
@@ -149,26 +151,26 @@ void ConfigReader::wrong_kind(const ConfigNode& node, std::string_view wanted) {
   error(node, "must be " + std::string(wanted) + ", found " + found_text(node));
 }
 
-const ConfigNode* ConfigReader::object(const ConfigNode& parent, const ConfigKey& key) {
+const ConfigNode* ConfigReader::object(const ConfigNode& parent, KeyRef key) {
   const ConfigNode* node = member(parent, key);
-  if (node == nullptr || node->kind == Kind::object) return node;
-  wrong_kind(*node, "an object");
-  return nullptr;
+  if (node == nullptr) return nullptr;
+  const std::string parent_path = key->section.empty() ? "" : std::string(key->section) + ".";
+  return check_object(*node, parent_path + std::string(key->name)) ? node : nullptr;
 }
 
-const ConfigNode* ConfigReader::array(const ConfigNode& parent, const ConfigKey& key) {
+const ConfigNode* ConfigReader::array(const ConfigNode& parent, KeyRef key) {
   const ConfigNode* node = member(parent, key);
   if (node == nullptr || node->kind == Kind::array) return node;
   wrong_kind(*node, "an array");
   return nullptr;
 }
 
-std::vector<ConfigNode> ConfigReader::items(const ConfigNode& parent, const ConfigKey& key) {
+std::vector<ConfigNode> ConfigReader::items(const ConfigNode& parent, KeyRef key) {
   const ConfigNode* node = array(parent, key);
   return node == nullptr ? std::vector<ConfigNode>() : tree_.items_of(*node);
 }
 
-std::optional<std::int64_t> ConfigReader::integer(const ConfigNode& parent, const ConfigKey& key) {
+std::optional<std::int64_t> ConfigReader::integer(const ConfigNode& parent, KeyRef key) {
   const ConfigNode* node = member(parent, key);
   if (node == nullptr) return std::nullopt;
   // JSON Schema treats 5.0 as the integer 5, so we do too. Every range is within the integers that
@@ -180,13 +182,13 @@ std::optional<std::int64_t> ConfigReader::integer(const ConfigNode& parent, cons
     value = node->integer;
   else if (number && std::abs(*number) <= kExact && *number == std::trunc(*number))
     value = static_cast<std::int64_t>(*number);
-  if (value && *value >= key.limits.min && *value <= key.limits.max) return value;
-  wrong_kind(*node, "an integer from " + std::to_string(key.limits.min) + " to " +
-                        std::to_string(key.limits.max));
+  if (value && *value >= key->limits.min && *value <= key->limits.max) return value;
+  wrong_kind(*node, "an integer from " + std::to_string(key->limits.min) + " to " +
+                        std::to_string(key->limits.max));
   return std::nullopt;
 }
 
-std::optional<double> ConfigReader::number(const ConfigNode& parent, const ConfigKey& key) {
+std::optional<double> ConfigReader::number(const ConfigNode& parent, KeyRef key) {
   const ConfigNode* node = member(parent, key);
   if (node == nullptr) return std::nullopt;
   if (const auto value = number_in(*node)) return value;
@@ -194,12 +196,12 @@ std::optional<double> ConfigReader::number(const ConfigNode& parent, const Confi
   return std::nullopt;
 }
 
-bool ConfigReader::boolean(const ConfigNode& parent, const ConfigKey& key) {
+bool ConfigReader::boolean(const ConfigNode& parent, KeyRef key) {
   const ConfigNode* node = member(parent, key);
-  if (node == nullptr) return key.flag();
+  if (node == nullptr) return key->flag();
   if (node->kind == Kind::boolean) return node->boolean;
   wrong_kind(*node, "true or false");
-  return key.flag();
+  return key->flag();
 }
 
 std::optional<std::string> ConfigReader::text(const ConfigNode& node) {
@@ -222,13 +224,12 @@ std::optional<std::string> ConfigReader::text(const ConfigNode& node) {
   return std::nullopt;
 }
 
-std::optional<std::string> ConfigReader::text(const ConfigNode& parent, const ConfigKey& key) {
+std::optional<std::string> ConfigReader::text(const ConfigNode& parent, KeyRef key) {
   const ConfigNode* node = member(parent, key);
   return node == nullptr ? std::nullopt : text(*node);
 }
 
-std::optional<ConfigReader::Secret> ConfigReader::secret(const ConfigNode& parent,
-                                                         const ConfigKey& key) {
+std::optional<ConfigReader::Secret> ConfigReader::secret(const ConfigNode& parent, KeyRef key) {
   const ConfigNode* node = member(parent, key);
   if (node == nullptr) return std::nullopt;
   if (node->kind != Kind::string) {
@@ -251,22 +252,22 @@ std::optional<ConfigReader::Secret> ConfigReader::secret(const ConfigNode& paren
   return std::nullopt;
 }
 
-std::optional<std::string> ConfigReader::name(const ConfigNode& parent, const ConfigKey& key) {
+std::optional<std::string> ConfigReader::name(const ConfigNode& parent, KeyRef key) {
   auto value = text(parent, key);
   if (!value || is_name(*value)) return value;
-  const ConfigNode& node = *parent.find(key.name);
+  const ConfigNode& node = *parent.find(key->name);
   error(node, "a name is 1 to 64 of a-z, 0-9, _ and -, found \"" + shown(node.text) + "\"" +
                   (has_place_of_n(*value) ? "; only the key \"n\" of a device replaces {n}" : ""));
   return std::nullopt;
 }
 
-std::optional<std::size_t> ConfigReader::choice(const ConfigNode& parent, const ConfigKey& key) {
+std::optional<std::size_t> ConfigReader::choice(const ConfigNode& parent, KeyRef key) {
   const auto value = text(parent, key);
   if (!value) return std::nullopt;
-  const auto words = key.limits.words;
+  const auto words = key->limits.words;
   const auto found = std::ranges::find(words, *value);
   if (found != words.end()) return static_cast<std::size_t>(found - words.begin());
-  const ConfigNode& node = *parent.find(key.name);
+  const ConfigNode& node = *parent.find(key->name);
   error(node, "must be " + one_of(words) + ", found \"" + shown(node.text) + "\"" +
                   (may_suggest(node.offset) ? did_you_mean(node.text, words) : std::string()));
   return std::nullopt;
@@ -345,9 +346,9 @@ void NameTable::add(ConfigReader& reader, const std::string& name, const ConfigN
                            reader.place_of(*entry->second.node));
 }
 
-std::string NameTable::read(ConfigReader& reader, const ConfigNode& item, const ConfigKey& key,
+std::string NameTable::read(ConfigReader& reader, const ConfigNode& item, KeyRef key,
                             std::uint32_t index) {
-  const ConfigNode* node = item.find(key.name);
+  const ConfigNode* node = item.find(key->name);
   if (const auto name = reader.name(item, key)) {
     add(reader, *name, *node, index);
     return *name;

@@ -25,6 +25,18 @@ bool has_place_of_n(std::string_view text);
 /// Returns `text` with every such `{n}` replaced.
 std::string with_n(std::string_view text, std::string_view n);
 
+/// A key of the config, by its path in the table, such as "mqtt.keep_alive_s": an unknown path does
+/// not compile. A key that the catalogue makes for a protocol must outlive it.
+class KeyRef final {
+ public:
+  consteval KeyRef(const char* path) : key_(&config_key(path)) {}
+  KeyRef(const ConfigKey& key) : key_(&key) {}
+  const ConfigKey* operator->() const { return key_; }
+
+ private:
+  const ConfigKey* key_;
+};
+
 /// Getters return nullopt or nullptr if the key is absent or its value is wrong. They report a
 /// wrong value, and an absent key that is required, so that the caller reads on and finds the other
 /// errors of the file too. Ranges, words and defaults are those of the ConfigKey. Error texts quote
@@ -66,31 +78,33 @@ class ConfigReader {
   /// Returns "/links/0 (line 12)".
   std::string place_of(const ConfigNode& node) const { return tree_.place_of(node); }
 
-  /// Reports members that are not among `keys` or `more`, and duplicate members. Leaves members
-  /// named in `left_to_caller` to the caller, which has a better error text. If the node is not an
-  /// object, reports that and returns false.
-  bool check_object(const ConfigNode& node, std::span<const ConfigKey> keys,
+  /// Reports members that are not keys of `section` or among `more`, and duplicate members. Leaves
+  /// members named in `left_to_caller` to the caller, which has a better error text. If the table
+  /// has no such section, its members are the caller's. If the node is not an object, reports that
+  /// and returns false.
+  bool check_object(const ConfigNode& node, std::string_view section,
                     std::span<const std::string_view> more = {},
                     std::span<const std::string_view> left_to_caller = {});
 
-  const ConfigNode* object(const ConfigNode& parent, const ConfigKey& key);
-  const ConfigNode* array(const ConfigNode& parent, const ConfigKey& key);
+  /// Returns the object, whose members it has checked with check_object().
+  const ConfigNode* object(const ConfigNode& parent, KeyRef key);
+  const ConfigNode* array(const ConfigNode& parent, KeyRef key);
   /// Returns the items of an array that the tree may have folded; empty if the key is absent or
   /// wrong. The caller owns the nodes and must keep them as long as it uses pointers to them.
-  std::vector<ConfigNode> items(const ConfigNode& parent, const ConfigKey& key);
+  std::vector<ConfigNode> items(const ConfigNode& parent, KeyRef key);
 
-  std::optional<std::int64_t> integer(const ConfigNode& parent, const ConfigKey& key);
+  std::optional<std::int64_t> integer(const ConfigNode& parent, KeyRef key);
   /// Sets `field`, a number or a duration in the unit of the key, to the integer, or to the default
   /// if the key is absent or wrong.
   template <class T>
-  void set_integer(T& field, const ConfigNode& parent, const ConfigKey& key) {
-    field = static_cast<T>(integer(parent, key).value_or(key.number()));
+  void set_integer(T& field, const ConfigNode& parent, KeyRef key) {
+    field = static_cast<T>(integer(parent, key).value_or(key->number()));
   }
-  std::optional<double> number(const ConfigNode& parent, const ConfigKey& key);
+  std::optional<double> number(const ConfigNode& parent, KeyRef key);
   /// Returns the default if the key is absent or wrong.
-  bool boolean(const ConfigNode& parent, const ConfigKey& key);
+  bool boolean(const ConfigNode& parent, KeyRef key);
   /// Returns a string with `${NAME}` replaced. An empty string is an error.
-  std::optional<std::string> text(const ConfigNode& parent, const ConfigKey& key);
+  std::optional<std::string> text(const ConfigNode& parent, KeyRef key);
   /// Same for an item of an array.
   std::optional<std::string> text(const ConfigNode& node);
   /// String that error texts must not quote.
@@ -98,17 +112,17 @@ class ConfigReader {
     std::string value;
     bool in_clear = false;  ///< the file has the secret itself, not just the name of a variable
   };
-  std::optional<Secret> secret(const ConfigNode& parent, const ConfigKey& key);
+  std::optional<Secret> secret(const ConfigNode& parent, KeyRef key);
   /// Returns a string of the form that topics and commands use: [a-z0-9_-]{1,64}.
-  std::optional<std::string> name(const ConfigNode& parent, const ConfigKey& key);
+  std::optional<std::string> name(const ConfigNode& parent, KeyRef key);
   /// Returns the index of the string among the key's words.
-  std::optional<std::size_t> choice(const ConfigNode& parent, const ConfigKey& key);
-  std::size_t choice_or_default(const ConfigNode& parent, const ConfigKey& key) {
-    return choice(parent, key).value_or(key.index());
+  std::optional<std::size_t> choice(const ConfigNode& parent, KeyRef key);
+  std::size_t choice_or_default(const ConfigNode& parent, KeyRef key) {
+    return choice(parent, key).value_or(key->index());
   }
 
  private:
-  const ConfigNode* member(const ConfigNode& parent, const ConfigKey& key);
+  const ConfigNode* member(const ConfigNode& parent, KeyRef key);
   void wrong_kind(const ConfigNode& node, std::string_view wanted);
   /// Returns `text` with every `${NAME}` replaced and `$${` turned into `${`, or else an error
   /// text.
@@ -139,8 +153,7 @@ class NameTable {
            std::uint32_t index);
   /// Reads the name of `item` from its member `key` and adds it. Returns an empty string if it is
   /// wrong or absent, which is reported.
-  std::string read(ConfigReader& reader, const ConfigNode& item, const ConfigKey& key,
-                   std::uint32_t index);
+  std::string read(ConfigReader& reader, const ConfigNode& item, KeyRef key, std::uint32_t index);
   /// Records an item of the list that has no readable name.
   void add_unnamed() { has_unnamed_ = true; }
   std::optional<std::uint32_t> find(std::string_view name) const;

@@ -100,10 +100,10 @@ void read_word(ConfigReader& reader, const ConfigNode& item, const std::string& 
 
 RemoteLimits read_remote_limits(ConfigReader& reader, const ConfigNode& agent) {
   RemoteLimits limits;
-  limits.enabled = reader.boolean(agent, config_key("agent.remote_config"));
-  limits.without_disk = reader.boolean(agent, config_key("agent.remote_without_disk"));
+  limits.enabled = reader.boolean(agent, "agent.remote_config");
+  limits.without_disk = reader.boolean(agent, "agent.remote_without_disk");
   const ConfigNode* given = agent.find("remote_allow");
-  if (const ConfigNode* list = reader.array(agent, config_key("agent.remote_allow"))) {
+  if (const ConfigNode* list = reader.array(agent, "agent.remote_allow")) {
     limits.links = false;
     limits.devices = false;
     for (const ConfigNode& item : list->children)

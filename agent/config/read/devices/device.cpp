@@ -188,7 +188,7 @@ bool DeviceReader::read_protocol() {
     const bool own = device_.protocol == nullptr || device_.protocol == &info;
     for (const auto key : option_keys(info)) (own ? options : foreign).push_back(key);
   }
-  if (!reader_.check_object(node_, config_section("devices[]"), options, foreign)) return false;
+  if (!reader_.check_object(node_, "devices[]", options, foreign)) return false;
   for (const ConfigNode& member : node_.children) check_foreign_key(member);
   return true;
 }
@@ -312,19 +312,19 @@ auto DeviceReader::by_any_model(Judge judge) {
 }
 
 void DeviceReader::read_rest() {
-  reader_.set_integer(device_.timeout, node_, config_key("devices[].timeout_ms"));
-  reader_.set_integer(device_.retries, node_, config_key("devices[].retries"));
-  reader_.set_integer(device_.gap, node_, config_key("devices[].gap_ms"));
-  reader_.set_integer(device_.turnaround, node_, config_key("devices[].turnaround_ms"));
-  device_.echo = reader_.boolean(node_, config_key("devices[].echo"));
+  reader_.set_integer(device_.timeout, node_, "devices[].timeout_ms");
+  reader_.set_integer(device_.retries, node_, "devices[].retries");
+  reader_.set_integer(device_.gap, node_, "devices[].gap_ms");
+  reader_.set_integer(device_.turnaround, node_, "devices[].turnaround_ms");
+  device_.echo = reader_.boolean(node_, "devices[].echo");
   if (device_.protocol == nullptr || option_named(*device_.protocol, "max_block_bytes") == nullptr)
-    device_.max_block_bytes = static_cast<std::uint32_t>(
-        reader_.integer(node_, config_key("devices[].max_block_bytes")).value_or(0));
+    device_.max_block_bytes =
+        static_cast<std::uint32_t>(reader_.integer(node_, "devices[].max_block_bytes").value_or(0));
   if (device_.protocol != nullptr) make_codec();
   if (device_.codec != nullptr) outlast_device();
   read_groups();
   read_tags();
-  if (const ConfigNode* commands = reader_.object(node_, config_key("devices[].commands")))
+  if (const ConfigNode* commands = reader_.object(node_, "devices[].commands"))
     read_commands(*commands);
   if (device_.codec != nullptr) warn_of_open_model();
 }
@@ -371,21 +371,20 @@ void DeviceReader::warn_of_open_model() {
 }
 
 void DeviceReader::read_groups() {
-  const auto nodes = entry_.items(reader_, config_key("devices[].groups"));
+  const auto nodes = entry_.items(reader_, "devices[].groups");
   if (!reader_.has_room(entry_.node(), {.groups = nodes.size()})) return;
   for (const ConfigNode* group_node : nodes) {
     const ConfigNode& node = *group_node;
-    if (!reader_.check_object(node, config_section("devices[].groups[]"))) {
+    if (!reader_.check_object(node, "devices[].groups[]")) {
       groups_.add_unnamed();
       continue;
     }
     GroupConfig group;
-    group.name = groups_.read(reader_, node, config_key("devices[].groups[].name"),
+    group.name = groups_.read(reader_, node, "devices[].groups[].name",
                               static_cast<std::uint32_t>(device_.groups.size()));
-    reader_.set_integer(group.interval, node, config_key("devices[].groups[].interval_ms"));
-    group.on_change =
-        reader_.choice_or_default(node, config_key("devices[].groups[].publish")) == 1;
-    reader_.set_integer(group.max_silent, node, config_key("devices[].groups[].max_silent_s"));
+    reader_.set_integer(group.interval, node, "devices[].groups[].interval_ms");
+    group.on_change = reader_.choice_or_default(node, "devices[].groups[].publish") == 1;
+    reader_.set_integer(group.max_silent, node, "devices[].groups[].max_silent_s");
     warn_of_silence(reader_, node, group);
     device_.groups.push_back(std::move(group));
   }
@@ -393,7 +392,7 @@ void DeviceReader::read_groups() {
 
 std::uint32_t DeviceReader::group_of(const ConfigNode& tag) {
   const ConfigNode* node = tag.find("group");
-  const auto given = reader_.name(tag, config_key("devices[].tags[].group"));
+  const auto given = reader_.name(tag, "devices[].tags[].group");
   if (node != nullptr && !given) return 0;
   const auto default_group = config_key("devices[].tags[].group").word();
   const std::string name = given.value_or(std::string(default_group));
@@ -414,7 +413,7 @@ std::uint32_t DeviceReader::group_of(const ConfigNode& tag) {
 // ---- tags -------------------------------------------------------------------------------------
 
 void DeviceReader::read_tags() {
-  const auto nodes = entry_.items(reader_, config_key("devices[].tags"));
+  const auto nodes = entry_.items(reader_, "devices[].tags");
   if (codec_ != nullptr && codec_->is_broadcast() && !nodes.empty())
     reader_.error(*node_.find("tags"),
                   "no unit answers a broadcast, so it cannot have tags; list what may be written "
@@ -441,12 +440,12 @@ void DeviceReader::warn_of_tags() {
 }
 
 void DeviceReader::read_tag(const ConfigNode& node) {
-  if (!reader_.check_object(node, config_section("devices[].tags[]"))) return;
+  if (!reader_.check_object(node, "devices[].tags[]")) return;
   TagConfig tag;
-  tag.name = tags_.read(reader_, node, config_key("devices[].tags[].name"),
+  tag.name = tags_.read(reader_, node, "devices[].tags[].name",
                         static_cast<std::uint32_t>(device_.tags.size()));
   tag.group = group_of(node);
-  tag.writable = reader_.choice_or_default(node, config_key("devices[].tags[].access")) == 1;
+  tag.writable = reader_.choice_or_default(node, "devices[].tags[].access") == 1;
   if (read_place(node, tag)) check_span(node, tag);
   tag.units = shared_.units_of(read_tag_units(reader_, node, tag.point.type));
   warn_of_limits(reader_, node, tag);
@@ -461,11 +460,11 @@ void DeviceReader::read_tag(const ConfigNode& node) {
 bool DeviceReader::read_place(const ConfigNode& node, TagConfig& tag) {
   std::optional<DataType> type;
   const ConfigNode* given = node.find("type");
-  if (const auto index = reader_.choice(node, config_key("devices[].tags[].type"))) {
+  if (const auto index = reader_.choice(node, "devices[].tags[].type")) {
     const auto read = data_type_from(config_keys::kTypes[*index]);
     if (read) type = *read;
   }
-  const auto text = reader_.text(node, config_key("devices[].tags[].address"));
+  const auto text = reader_.text(node, "devices[].tags[].address");
   bool good = text.has_value() && (given == nullptr || type);
   if (text && codec_ != nullptr) {
     const auto address = by_any_model(
@@ -486,13 +485,13 @@ bool DeviceReader::read_place(const ConfigNode& node, TagConfig& tag) {
 /// unknown.
 void DeviceReader::read_shape(const ConfigNode& node, std::optional<DataType> type, Point& point) {
   if (type) point.type = *type;
-  if (const auto count = reader_.integer(node, config_key("devices[].tags[].count"))) {
+  if (const auto count = reader_.integer(node, "devices[].tags[].count")) {
     point.count = static_cast<std::uint16_t>(*count);
     point.is_array = true;
   }
   const ConfigNode* length = node.find("length");
-  point.length = static_cast<std::uint16_t>(
-      reader_.integer(node, config_key("devices[].tags[].length")).value_or(0));
+  point.length =
+      static_cast<std::uint16_t>(reader_.integer(node, "devices[].tags[].length").value_or(0));
   if (type == DataType::string && length == nullptr)
     reader_.error(node, "\"length\" is missing: a string needs its number of characters");
   if (type && type != DataType::string && length != nullptr)
@@ -564,15 +563,13 @@ void DeviceReader::check_exists(const ConfigNode& address, const Span& span) {
 // ---- commands ---------------------------------------------------------------------------------
 
 void DeviceReader::read_commands(const ConfigNode& node) {
-  if (!reader_.check_object(node, config_section("devices[].commands"))) return;
   CommandRules& rules = device_.commands;
-  if (const ConfigNode* allow = reader_.array(node, config_key("devices[].commands.allow")))
-    read_allow(*allow);
-  rules.allow_run_stop = reader_.boolean(node, config_key("devices[].commands.allow_run_stop"));
+  if (const ConfigNode* allow = reader_.array(node, "devices[].commands.allow")) read_allow(*allow);
+  rules.allow_run_stop = reader_.boolean(node, "devices[].commands.allow_run_stop");
   if (rules.allow_run_stop && codec_ != nullptr && codec_->plc() == nullptr)
     reader_.warn(*node.find("allow_run_stop"), "has no effect: this protocol has no run and stop");
-  reader_.set_integer(rules.max_expiry, node, config_key("devices[].commands.max_expiry_s"));
-  const auto expiry = reader_.integer(node, config_key("devices[].commands.default_expiry_s"));
+  reader_.set_integer(rules.max_expiry, node, "devices[].commands.max_expiry_s");
+  const auto expiry = reader_.integer(node, "devices[].commands.default_expiry_s");
   // Without a given default_expiry_s, a short max_expiry_s lowers the default too.
   rules.default_expiry =
       expiry ? std::chrono::seconds(*expiry) : std::min(rules.default_expiry, rules.max_expiry);
@@ -580,8 +577,8 @@ void DeviceReader::read_commands(const ConfigNode& node) {
     reader_.error(*node.find("default_expiry_s"),
                   "must not be longer than max_expiry_s, which is " +
                       std::to_string(rules.max_expiry.count()));
-  rules.verify = reader_.boolean(node, config_key("devices[].commands.verify"));
-  reader_.set_integer(rules.queue, node, config_key("devices[].commands.queue"));
+  rules.verify = reader_.boolean(node, "devices[].commands.verify");
+  reader_.set_integer(rules.queue, node, "devices[].commands.queue");
 }
 
 /// Reads the ranges of `allow` as spans, sorted and with neighbours merged.
@@ -617,7 +614,7 @@ void read_devices(ConfigReader& reader, const ConfigNode& top, const ConfigNode&
     DeviceConfig& device = config.devices.emplace_back();
     DeviceReader device_reader(reader, entry, shared, device);
     if (!device_reader.read_protocol()) return;
-    device.name = reader.name(entry.members(), config_key("devices[].name")).value_or("");
+    device.name = reader.name(entry.members(), "devices[].name").value_or("");
     const ConfigNode* name = entry.node().find("name");
     if (!device.name.empty())
       names.add(reader, device.name, name != nullptr ? *name : entry.node(), index);

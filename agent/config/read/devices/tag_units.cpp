@@ -26,7 +26,7 @@ std::optional<std::int64_t> whole_number(std::string_view text) {
 }
 
 TagStates read_states(ConfigReader& reader, const ConfigNode& tag, DataType type) {
-  const ConfigNode* node = reader.object(tag, config_key("devices[].tags[].states"));
+  const ConfigNode* node = reader.object(tag, "devices[].tags[].states");
   if (node == nullptr) return {};
   std::map<std::int64_t, std::string> states;
   for (const ConfigNode& member : node->children) {
@@ -47,9 +47,9 @@ TagStates read_states(ConfigReader& reader, const ConfigNode& tag, DataType type
 
 TagLimits read_limits(ConfigReader& reader, const ConfigNode& tag) {
   TagLimits limits;
-  limits.min = reader.number(tag, config_key("devices[].tags[].min"));
-  limits.max = reader.number(tag, config_key("devices[].tags[].max"));
-  limits.deadband = reader.number(tag, config_key("devices[].tags[].deadband"));
+  limits.min = reader.number(tag, "devices[].tags[].min");
+  limits.max = reader.number(tag, "devices[].tags[].max");
+  limits.deadband = reader.number(tag, "devices[].tags[].deadband");
   if (limits.min && limits.max && *limits.min > *limits.max)
     reader.error(*tag.find("min"), "must not be greater than max");
   if (limits.deadband && *limits.deadband < 0)

@@ -105,8 +105,8 @@ tl::expected<std::vector<std::string>, std::string> numbers_of_range(std::string
 
 // ---- one entry --------------------------------------------------------------------------------
 
-const std::vector<ConfigNode>& DeviceLists::items(ConfigReader& reader, const ConfigKey& key) {
-  const auto [list, fresh] = items_.try_emplace(key.name);
+const std::vector<ConfigNode>& DeviceLists::items(ConfigReader& reader, KeyRef key) {
+  const auto [list, fresh] = items_.try_emplace(key->name);
   if (fresh) list->second = reader.items(*node_, key);
   return list->second;
 }
@@ -140,7 +140,7 @@ const ConfigNode* DeviceEntry::in_file(std::string_view key) const {
   return own != nullptr || base_ == nullptr ? own : base_->node().find(key);
 }
 
-std::vector<const ConfigNode*> DeviceEntry::items(ConfigReader& reader, const ConfigKey& key) {
+std::vector<const ConfigNode*> DeviceEntry::items(ConfigReader& reader, KeyRef key) {
   static const std::vector<ConfigNode> none;
   return added(reader, base_ == nullptr ? none : base_->items(reader, key),
                own_.items(reader, key));
@@ -149,7 +149,7 @@ std::vector<const ConfigNode*> DeviceEntry::items(ConfigReader& reader, const Co
 // ---- templates --------------------------------------------------------------------------------
 
 Templates::Templates(ConfigReader& reader, const ConfigNode& top) : reader_(reader) {
-  const ConfigNode* list = reader.object(top, config_key("templates"));
+  const ConfigNode* list = reader.object(top, "templates");
   if (list == nullptr) return;
   for (const ConfigNode& node : list->children) {
     const auto [entry, fresh] = templates_.try_emplace(node.key, node);
@@ -170,7 +170,7 @@ Templates::Templates(ConfigReader& reader, const ConfigNode& top) : reader_(read
 }
 
 DeviceLists* Templates::template_of(const ConfigNode& node, const ConfigNode& given) {
-  const auto name = reader_.name(node, config_key("devices[].template"));
+  const auto name = reader_.name(node, "devices[].template");
   if (!name) return nullptr;
   if (const auto found = templates_.find(*name); found != templates_.end()) {
     found->second.use();
@@ -203,7 +203,7 @@ std::optional<std::vector<std::string>> Templates::read_n(const ConfigNode& give
   }
   std::vector<std::string> list;
   bool good = true;
-  for (const ConfigNode& item : reader_.items(node, config_key("devices[].n"))) {
+  for (const ConfigNode& item : reader_.items(node, "devices[].n")) {
     const std::string text =
         item.kind == Kind::integer ? std::to_string(item.integer) : reader_.replaced(item);
     if (!is_name(text)) {
@@ -278,7 +278,7 @@ void Templates::warn_of_unused() {
   for (const auto& [name, known] : templates_) {
     if (known.is_used()) continue;
     const ConfigNode& node = known.node();
-    if (node.kind == Kind::object) reader_.check_object(node, config_section("devices[]"), options);
+    if (node.kind == Kind::object) reader_.check_object(node, "devices[]", options);
     reader_.warn(node, "no device uses this template");
   }
 }

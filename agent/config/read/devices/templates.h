@@ -22,7 +22,7 @@ class DeviceLists {
 
   const ConfigNode& node() const { return *node_; }
   /// Returns the items of `key`, the groups or the tags. Parses them once for all devices.
-  const std::vector<ConfigNode>& items(ConfigReader& reader, const ConfigKey& key);
+  const std::vector<ConfigNode>& items(ConfigReader& reader, KeyRef key);
   /// Returns the bytes that the node takes in the file, except `n`.
   std::size_t size() const { return size_; }
   /// Returns the bytes that the addresses of `commands.allow` take in a device.
@@ -66,7 +66,7 @@ class DeviceEntry final {
   /// Returns the groups or the tags: the items of the template, then those of the entry. An item of
   /// the entry replaces the template's item with the same name. Names are compared with the
   /// reader's current origin. The nodes stay valid as long as the entry and the templates do.
-  std::vector<const ConfigNode*> items(ConfigReader& reader, const ConfigKey& key);
+  std::vector<const ConfigNode*> items(ConfigReader& reader, KeyRef key);
 
  private:
   DeviceLists own_;
