@@ -1,9 +1,7 @@
 #include "protocol/plan/cheapest_reads.h"
 
 #include <algorithm>
-#include <deque>
 #include <numeric>
-#include <optional>
 #include <utility>
 
 #include "protocol/value/span.h"
@@ -108,79 +106,22 @@ void reduce(Bucket& bucket) {
   bucket.pieces = std::move(kept);
 }
 
-/// The search by dynamic programming: the least cost of the first n pieces, for each n.
-///
-/// Only runs of pieces that are consecutive in start order need to be tried. Proof: take any set of
-/// reads and drop those inside another, so that starts and ends both ascend. Assign each piece to
-/// the last read that begins at or before it. That read ends no earlier than the read that covered
-/// the piece before, so it covers the piece too. Each read is thus assigned a run of consecutive
-/// pieces.
-class ReadSearch::Search final {
- public:
-  Search(const Codec& codec, const LineCost& cost, const Bucket& bucket);
+// The search by dynamic programming: the least cost of the first n pieces, for each n.
+//
+// Only runs of pieces that are consecutive in start order need to be tried. Proof: take any set of
+// reads and drop those inside another, so that starts and ends both ascend. Assign each piece to
+// the last read that begins at or before it. That read ends no earlier than the read that covered
+// the piece before, so it covers the piece too. Each read is thus assigned a run of consecutive
+// pieces.
 
-  std::vector<Cost> run(const PartPrices& prices, const std::vector<Cost>& before);
-  std::vector<Read> reads(std::uint32_t counted) const;
-  std::size_t weighed() const { return weighed_; }
-
- private:
-  struct Choice {
-    Cost cost = kImpossible;  // cost of all reads up to this piece
-    std::uint32_t first = 0;  // first piece of the last read
-    std::uint8_t way = 0;     // index in Bucket::ways
-    Extent extent;
-  };
-  /// A piece that a read may begin with.
-  struct Start {
-    std::size_t piece = 0;
-    /// Cost of all reads before it, less the price in a read of all bits before it.
-    Cost worth = 0;
-  };
-  /// Candidate starts for one way. They are used if a read by the way costs the same amount more
-  /// for each further period, whatever its length. The ranking of two starts then does not depend
-  /// on the end of the read: each next piece adds one start and may discard earlier ones for good.
-  struct Starts {
-    /// In bits; 0: no short period exists, or it is not worth the effort.
-    std::uint32_t period = 0;
-    Cost each = 0;  ///< cost of one more period
-    /// By the offset of the first bit in the period. In each queue worth and piece both ascend.
-    std::vector<std::deque<Start>> queues;
-  };
-
-  std::size_t pieces() const { return bucket_.pieces.size(); }
-  Starts starts_by(std::size_t way);
-  /// Returns the cost of a read: sent alone, of the whole exchange; as a part, of the characters of
-  /// a Gather that holds only this part.
-  Cost price_of(std::size_t way, const Extent& extent);
-  /// Tries reads by `way` that end with piece `last`.
-  void try_way(std::size_t way, const PartPrice& part, std::size_t last);
-  void try_best_starts(std::size_t way, const PartPrice& part, std::size_t last);
-  void try_all_starts(std::size_t way, const PartPrice& part, std::size_t last);
-  /// Returns nullopt if there is no such read.
-  std::optional<Extent> read_of(std::size_t way, std::size_t first, std::size_t last);
-  void take(std::size_t way, const PartPrice& part, std::size_t first, std::size_t last,
-            const Extent& extent);
-  Read read_by(std::uint8_t way, const Extent& extent) const;
-
-  const Codec& codec_;
-  const LineCost& cost_;
-  const Bucket& bucket_;
-  std::vector<std::vector<Cost>> prices_;  ///< by way and length; kImpossible: not known yet
-  std::vector<std::vector<std::size_t>> partners_;  ///< by way and piece: the first in one read
-  std::vector<Starts> starts_;                      ///< by way
-  std::size_t counts_ = 1;                          ///< columns of best_
-  std::size_t weighed_ = 0;
-  std::vector<Choice> best_;  ///< by pieces done and parts counted
-};
-
-ReadSearch::Search::Search(const Codec& codec, const LineCost& cost, const Bucket& bucket)
+ReadSearch::ReadSearch(const Codec& codec, const LineCost& cost, const Bucket& bucket)
     : codec_(codec), cost_(cost), bucket_(bucket) {
   prices_.resize(bucket.ways.size());
   for (const ReadWay& way : bucket.ways) partners_.push_back(first_partners(bucket.pieces, way));
   for (std::size_t w = 0; w < bucket.ways.size(); ++w) starts_.push_back(starts_by(w));
 }
 
-ReadSearch::Search::Starts ReadSearch::Search::starts_by(std::size_t way) {
+ReadSearch::Starts ReadSearch::starts_by(std::size_t way) {
   const ReadWay& by = bucket_.ways[way];
   const std::uint32_t first =
       round_up(std::max(bucket_.pieces.front().first / by.align_bits * by.align_bits, by.first_bit),
@@ -209,12 +150,12 @@ ReadSearch::Search::Starts ReadSearch::Search::starts_by(std::size_t way) {
   return {};
 }
 
-Read ReadSearch::Search::read_by(std::uint8_t way, const Extent& extent) const {
+Read ReadSearch::read_by(std::uint8_t way, const Extent& extent) const {
   const ReadWay& by = bucket_.ways[way];
   return {{bucket_.space, extent.first, extent.end - extent.first}, by.way, by.gather};
 }
 
-Cost ReadSearch::Search::price_of(std::size_t way, const Extent& extent) {
+Cost ReadSearch::price_of(std::size_t way, const Extent& extent) {
   const ReadWay& by = bucket_.ways[way];
   std::vector<Cost>& known = prices_[way];
   if (known.empty()) known.assign(by.max_bits / by.unit_bits + 1, kImpossible);
@@ -226,15 +167,14 @@ Cost ReadSearch::Search::price_of(std::size_t way, const Extent& extent) {
   return price = (cost_.per_char * chars).count();
 }
 
-std::optional<Extent> ReadSearch::Search::read_of(std::size_t way, std::size_t first,
-                                                  std::size_t last) {
+std::optional<Extent> ReadSearch::read_of(std::size_t way, std::size_t first, std::size_t last) {
   ++weighed_;
   const ReadWay& by = bucket_.ways[way];
   return fit(by, {bucket_.pieces[first].first, bucket_.pieces[last].end});
 }
 
-void ReadSearch::Search::take(std::size_t way, const PartPrice& part, std::size_t first,
-                              std::size_t last, const Extent& extent) {
+void ReadSearch::take(std::size_t way, const PartPrice& part, std::size_t first, std::size_t last,
+                      const Extent& extent) {
   const std::size_t step = part.counted ? 1 : 0;
   const Cost own = price_of(way, extent) + part.each +
                    part.each_bit * static_cast<Cost>(extent.end - extent.first);
@@ -249,7 +189,7 @@ void ReadSearch::Search::take(std::size_t way, const PartPrice& part, std::size_
   }
 }
 
-void ReadSearch::Search::try_way(std::size_t way, const PartPrice& part, std::size_t last) {
+void ReadSearch::try_way(std::size_t way, const PartPrice& part, std::size_t last) {
   const ReadWay& by = bucket_.ways[way];
   // Near the last device a read may begin before its first piece (fit()).
   const bool may_stick_out = bucket_.pieces[last].end > by.end_bit - (by.unit_bits - 1);
@@ -259,7 +199,7 @@ void ReadSearch::Search::try_way(std::size_t way, const PartPrice& part, std::si
     try_best_starts(way, part, last);
 }
 
-void ReadSearch::Search::try_all_starts(std::size_t way, const PartPrice& part, std::size_t last) {
+void ReadSearch::try_all_starts(std::size_t way, const PartPrice& part, std::size_t last) {
   // Go back from the last piece until a read cannot hold them all. A read that begins earlier
   // cannot either.
   for (std::size_t first = last + 1; first-- > partners_[way][last];) {
@@ -270,7 +210,7 @@ void ReadSearch::Search::try_all_starts(std::size_t way, const PartPrice& part, 
   }
 }
 
-void ReadSearch::Search::try_best_starts(std::size_t way, const PartPrice& part, std::size_t last) {
+void ReadSearch::try_best_starts(std::size_t way, const PartPrice& part, std::size_t last) {
   const ReadWay& by = bucket_.ways[way];
   Starts& starts = starts_[way];
   if (best_[last].cost != kImpossible) {
@@ -295,8 +235,7 @@ void ReadSearch::Search::try_best_starts(std::size_t way, const PartPrice& part,
     }
 }
 
-std::vector<Cost> ReadSearch::Search::run(const PartPrices& prices,
-                                          const std::vector<Cost>& before) {
+std::vector<Cost> ReadSearch::run(const PartPrices& prices, const std::vector<Cost>& before) {
   counts_ = before.size();
   best_.assign((pieces() + 1) * counts_, {});
   for (std::size_t n = 0; n < counts_; ++n) best_[n].cost = before[n];
@@ -314,7 +253,7 @@ std::vector<Cost> ReadSearch::Search::run(const PartPrices& prices,
   return after;
 }
 
-std::vector<Read> ReadSearch::Search::reads(std::uint32_t counted) const {
+std::vector<Read> ReadSearch::reads(std::uint32_t counted) const {
   // Follows the choices backwards.
   std::vector<Read> reads;
   for (std::size_t end = pieces(); end > 0;) {
@@ -326,16 +265,5 @@ std::vector<Read> ReadSearch::Search::reads(std::uint32_t counted) const {
   std::ranges::sort(reads, {}, [](const Read& read) { return read.span.first_bit; });
   return reads;
 }
-
-ReadSearch::ReadSearch(const Codec& codec, const LineCost& cost, const Bucket& bucket)
-    : search_(std::make_unique<Search>(codec, cost, bucket)) {}
-ReadSearch::~ReadSearch() = default;
-ReadSearch::ReadSearch(ReadSearch&&) noexcept = default;
-
-std::vector<Cost> ReadSearch::run(const PartPrices& prices, const std::vector<Cost>& before) {
-  return search_->run(prices, before);
-}
-std::vector<Read> ReadSearch::reads(std::uint32_t counted) const { return search_->reads(counted); }
-std::size_t ReadSearch::weighed() const { return search_->weighed(); }
 
 }  // namespace fxagent

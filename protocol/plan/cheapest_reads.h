@@ -11,9 +11,11 @@
 // of a part (gathering.h).
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <limits>
-#include <memory>
+#include <optional>
 #include <vector>
 
 #include "protocol/plan/plan.h"
@@ -77,8 +79,6 @@ class ReadSearch final {
  public:
   /// All arguments must outlive the search.
   ReadSearch(const Codec& codec, const LineCost& cost, const Bucket& bucket);
-  ~ReadSearch();
-  ReadSearch(ReadSearch&&) noexcept;
 
   /// Returns the least cost at these prices, as a list of one. Without prices every read is an
   /// exchange of its own.
@@ -93,11 +93,56 @@ class ReadSearch final {
   std::vector<Read> reads(std::uint32_t counted = 0) const;
 
   /// Returns the number of reads weighed by all runs together: a measure of processor time.
-  std::size_t weighed() const;
+  std::size_t weighed() const { return weighed_; }
 
  private:
-  class Search;
-  std::unique_ptr<Search> search_;
+  struct Choice {
+    Cost cost = kImpossible;  // cost of all reads up to this piece
+    std::uint32_t first = 0;  // first piece of the last read
+    std::uint8_t way = 0;     // index in Bucket::ways
+    Extent extent;
+  };
+  /// A piece that a read may begin with.
+  struct Start {
+    std::size_t piece = 0;
+    /// Cost of all reads before it, less the price in a read of all bits before it.
+    Cost worth = 0;
+  };
+  /// Candidate starts for one way. They are used if a read by the way costs the same amount more
+  /// for each further period, whatever its length. The ranking of two starts then does not depend
+  /// on the end of the read: each next piece adds one start and may discard earlier ones for good.
+  struct Starts {
+    /// In bits; 0: no short period exists, or it is not worth the effort.
+    std::uint32_t period = 0;
+    Cost each = 0;  ///< cost of one more period
+    /// By the offset of the first bit in the period. In each queue worth and piece both ascend.
+    std::vector<std::deque<Start>> queues;
+  };
+
+  std::size_t pieces() const { return bucket_.pieces.size(); }
+  Starts starts_by(std::size_t way);
+  /// Returns the cost of a read: sent alone, of the whole exchange; as a part, of the characters of
+  /// a Gather that holds only this part.
+  Cost price_of(std::size_t way, const Extent& extent);
+  /// Tries reads by `way` that end with piece `last`.
+  void try_way(std::size_t way, const PartPrice& part, std::size_t last);
+  void try_best_starts(std::size_t way, const PartPrice& part, std::size_t last);
+  void try_all_starts(std::size_t way, const PartPrice& part, std::size_t last);
+  /// Returns nullopt if there is no such read.
+  std::optional<Extent> read_of(std::size_t way, std::size_t first, std::size_t last);
+  void take(std::size_t way, const PartPrice& part, std::size_t first, std::size_t last,
+            const Extent& extent);
+  Read read_by(std::uint8_t way, const Extent& extent) const;
+
+  const Codec& codec_;
+  const LineCost& cost_;
+  const Bucket& bucket_;
+  std::vector<std::vector<Cost>> prices_;  ///< by way and length; kImpossible: not known yet
+  std::vector<std::vector<std::size_t>> partners_;  ///< by way and piece: the first in one read
+  std::vector<Starts> starts_;                      ///< by way
+  std::size_t counts_ = 1;                          ///< columns of best_
+  std::size_t weighed_ = 0;
+  std::vector<Choice> best_;  ///< by pieces done and parts counted
 };
 
 }  // namespace fxagent
