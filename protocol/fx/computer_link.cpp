@@ -63,7 +63,7 @@ Result<std::shared_ptr<const Codec>> ComputerLink::make(const Options& options) 
   settings.wait_tens = wait / 10;
   take_option(settings.sum_check, options, "sum_check");
   take_option(settings.acknowledge_data, options, "acknowledge_data");
-  return std::make_shared<const ComputerLink>(settings);
+  return made(settings);
 }
 
 // ---- answers -----------------------------------------------------------------------------------
@@ -147,14 +147,6 @@ std::optional<std::string> ComputerLink::model_from(const std::vector<Bytes>& im
   if (images.empty() || images[0].empty()) return std::nullopt;
   const std::string_view name = link_model(images[0][0]);
   return name.empty() ? std::nullopt : std::optional(std::string(name));
-}
-
-std::shared_ptr<const Codec> ComputerLink::with_model(std::string_view model) const {
-  const auto known = model_named(model);
-  if (!known) return nullptr;
-  Settings settings = settings_;
-  settings.model = *known;
-  return std::make_shared<const ComputerLink>(settings);
 }
 
 Request ComputerLink::run_state() const {

@@ -12,11 +12,9 @@
 #include <string_view>
 #include <vector>
 
-#include "protocol/codec.h"
 #include "protocol/fx/device.h"
-#include "protocol/mc/dialect.h"
+#include "protocol/mc/dialect_codec.h"
 #include "protocol/options.h"
-#include "protocol/plc.h"
 
 namespace fxagent {
 struct LineDefaults;
@@ -24,16 +22,15 @@ struct LineDefaults;
 
 namespace fxagent::fx {
 
-class ComputerLink final : public Codec, public AddressSpace, public PlcServices {
+class ComputerLink final : public mc::DialectCodec<ComputerLink> {
  public:
-  /// Settings of D8120 and D8121 of the PLC, from the computer's side: station 0 to 15, and format
-  /// 1 or 4, which ends each frame with CR LF.
-  using Settings = mc::Dialect;
   /// Read::way: BR returns one character for each bit, WR and QR four for each word.
   static constexpr std::uint8_t kBitWay = 0;
   static constexpr std::uint8_t kWordWay = 1;
 
-  explicit ComputerLink(const Settings& settings) : settings_(settings) {
+  /// Uses the settings of D8120 and D8121 of the PLC, from the computer's side: station 0 to 15,
+  /// and format 1 or 4, which ends each frame with CR LF.
+  explicit ComputerLink(const mc::Dialect& settings) : DialectCodec(settings) {
     settings_.frame = mc::Frame::c1;
     settings_.code = mc::Code::ascii;
     if (settings.model == Model::unknown) settings_.model = Model::unknown_fx;
@@ -57,20 +54,15 @@ class ComputerLink final : public Codec, public AddressSpace, public PlcServices
   Result<void> check_write(const Span& span) const override {
     return fx::check_write(settings_.model, span);
   }
-
-  std::string name_of(const Span& span) const override { return device_name(span); }
   std::vector<ReadWay> read_ways(std::uint16_t space) const override;
   std::uint32_t max_write_bits(std::uint16_t space) const override;
 
   // Codec
-  const AddressSpace& addresses() const override { return *this; }
-  const PlcServices* plc() const override { return this; }
   Result<Bytes> encode(const Request& request, std::uint16_t tag) const override;
   Decoded decode(const Request& request, std::uint16_t tag, ByteView rx) const override;
   bool expects_reply(const Request& request) const override;
   bool may_pass_for_answer(ByteView bytes) const override;
   LineLength line_length(const Request& request) const override;
-  bool is_text() const override { return true; }
   /// With or without sum, in either format. An unknown model counts as FX3U.
   Explanation explain(ByteView frame, std::optional<Direction> direction) const override;
 
@@ -79,15 +71,10 @@ class ComputerLink final : public Codec, public AddressSpace, public PlcServices
   RefusalMeaning meaning_of(const Request& request, int device_code) const override;
 
   // PlcServices
-  std::string model() const override { return std::string(to_string(settings_.model)); }
   std::optional<std::string> model_from(const std::vector<Bytes>& images) const override;
-  std::shared_ptr<const Codec> with_model(std::string_view model) const override;
   SpecialDevices special_devices() const override { return special_devices_of_fx(); }
   Request run_state() const override;
   std::string run_hint() const override;
-
- private:
-  Settings settings_;
 };
 
 // For the files of this codec.

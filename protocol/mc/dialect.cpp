@@ -44,8 +44,8 @@ std::optional<Dialect> with_model(Dialect dialect, std::string_view model) {
   const auto known = model_named(model);
   if (!known) return std::nullopt;
   const Series series = series_of(*known);
-  const bool has_frame =
-      dialect.frame == Frame::e1 ? series == Series::fx3 || series == Series::q_l : !is_fx(*known);
+  const bool has_frame = dialect.frame == Frame::e1 ? series == Series::fx3 || series == Series::q_l
+                                                    : is_fx(*known) == (dialect.frame == Frame::c1);
   if (!has_frame) return std::nullopt;
   dialect.model = *known;
   return dialect;

@@ -45,12 +45,6 @@ Result<void> check_named(const Dialect& dialect, const Span& span) {
 
 }  // namespace
 
-Result<std::shared_ptr<const Codec>> Mc::make(Frame frame, const Options& options) {
-  const auto settings = dialect_from(frame, options);
-  if (!settings) return fail(settings);
-  return std::make_shared<const Mc>(*settings);
-}
-
 // ---- addresses and ranges ----------------------------------------------------------------------
 
 Result<Address> Mc::parse_address(std::string_view text, std::optional<DataType> type) const {
@@ -291,11 +285,6 @@ std::optional<std::string> Mc::model_from(const std::vector<Bytes>& images) cons
   const std::string name(images[0].begin(), images[0].begin() + kTypeName);
   const std::string_view model = model_of_type(name);
   return model.empty() ? std::nullopt : std::optional(std::string(model));
-}
-
-std::shared_ptr<const Codec> Mc::with_model(std::string_view model) const {
-  const auto settings = mc::with_model(settings_, model);
-  return settings ? std::make_shared<const Mc>(*settings) : nullptr;
 }
 
 // SH-080483 (Q, L), SH-081264 (iQ-R) and JY997D55401 (FX5): the tables of SM and SD. An FX5 also

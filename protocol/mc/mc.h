@@ -9,24 +9,22 @@
 #include <string_view>
 #include <vector>
 
-#include "protocol/codec.h"
-#include "protocol/mc/dialect.h"
+#include "protocol/mc/dialect_codec.h"
 #include "protocol/mc/ethernet_frame.h"
 #include "protocol/mc/serial_frame.h"
-#include "protocol/plc.h"
 
 namespace fxagent::mc {
 
-class Mc final : public Codec, public AddressSpace, public PlcServices {
+class Mc final : public DialectCodec<Mc> {
  public:
-  using Settings = Dialect;
-
-  explicit Mc(const Settings& settings) : settings_(settings) {
+  explicit Mc(const Dialect& settings) : DialectCodec(settings) {
     if (is_serial(settings.frame))
       settings_.code = settings.format == 5 ? Code::binary : Code::ascii;
   }
   /// Creates a codec from the config's options. Errors as dialect_from().
-  static Result<std::shared_ptr<const Codec>> make(Frame frame, const Options& options);
+  static Result<std::shared_ptr<const Codec>> make(Frame frame, const Options& options) {
+    return dialect_from(frame, options).map(made);
+  }
 
   // AddressSpace
   Result<Address> parse_address(std::string_view text, std::optional<DataType> type) const override;
@@ -37,9 +35,6 @@ class Mc final : public Codec, public AddressSpace, public PlcServices {
   Result<void> check_range(const Span& span) const override;
   Result<void> check_write(const Span& span) const override;
 
-  std::string name_of(const Span& span) const override {
-    return device_name(settings_.model, span);
-  }
   std::vector<ReadWay> read_ways(std::uint16_t space) const override {
     return mc::read_ways(settings_, space);
   }
@@ -49,13 +44,10 @@ class Mc final : public Codec, public AddressSpace, public PlcServices {
   }
 
   // Codec
-  const AddressSpace& addresses() const override { return *this; }
-  const PlcServices* plc() const override { return this; }
   Result<Bytes> encode(const Request& request, std::uint16_t tag) const override;
   Decoded decode(const Request& request, std::uint16_t tag, ByteView rx) const override;
   bool may_pass_for_answer(ByteView bytes) const override;
   LineLength line_length(const Request& request) const override;
-  bool is_text() const override { return settings_.code == Code::ascii; }
   /// In any code and format.
   Explanation explain(ByteView frame, std::optional<Direction> direction) const override;
 
@@ -70,16 +62,11 @@ class Mc final : public Codec, public AddressSpace, public PlcServices {
   std::optional<Request> instead_of(const Request& request, int device_code) const override;
 
   // PlcServices
-  std::string model() const override { return std::string(to_string(settings_.model)); }
   std::optional<std::string> model_from(const std::vector<Bytes>& images) const override;
-  std::shared_ptr<const Codec> with_model(std::string_view model) const override;
   SpecialDevices special_devices() const override;
   Request run_state() const override;
   std::optional<bool> run_state_from(ByteView image) const override;
   std::string run_hint() const override;
-
- private:
-  Settings settings_;
 };
 
 /// Returns the model for the type name in an answer to 0101 ("FX5U-32MT/ES", "R08CPU"). Empty if it

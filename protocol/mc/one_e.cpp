@@ -119,12 +119,6 @@ std::string_view likely_mistake(Code data_code, std::uint8_t first) {
 
 }  // namespace
 
-Result<std::shared_ptr<const Codec>> OneE::make(const Options& options) {
-  const auto settings = dialect_from(Frame::e1, options);
-  if (!settings) return fail(settings);
-  return std::make_shared<const OneE>(*settings);
-}
-
 // ---- addresses and ranges ----------------------------------------------------------------------
 
 namespace {
@@ -468,11 +462,6 @@ std::optional<std::string> OneE::model_from(const std::vector<Bytes>& images) co
   if (images.empty() || images[0].empty()) return std::nullopt;
   const std::string_view name = one_e::model_coded(images[0][0]);
   return name.empty() ? std::nullopt : std::optional(std::string(name));
-}
-
-std::shared_ptr<const Codec> OneE::with_model(std::string_view model) const {
-  const auto settings = mc::with_model(settings_, model);
-  return settings ? std::make_shared<const OneE>(*settings) : nullptr;
 }
 
 SpecialDevices OneE::special_devices() const {

@@ -13,24 +13,23 @@
 #include <string_view>
 #include <vector>
 
-#include "protocol/codec.h"
-#include "protocol/mc/dialect.h"
-#include "protocol/plc.h"
+#include "protocol/mc/dialect_codec.h"
 
 namespace fxagent::mc {
 
 /// Read::way: kBitWay is 00, with half a byte for each bit; kWordWay is 01.
-class OneE final : public Codec, public AddressSpace, public PlcServices {
+class OneE final : public DialectCodec<OneE> {
  public:
-  /// Model (unknown, FX3, Q or L), code, PC number of the route, and timer of the module for an
-  /// answer of the PLC: 0 would wait forever.
-  using Settings = Dialect;
-  explicit OneE(const Settings& settings) : settings_(settings) {
+  /// Uses the model (unknown, FX3, Q or L), the code, the PC number of the route, and the timer of
+  /// the module for an answer of the PLC: 0 would wait forever.
+  explicit OneE(const Dialect& settings) : DialectCodec(settings) {
     settings_.frame = Frame::e1;
     settings_.model = seen_by_1e(settings.model);
   }
   /// Creates a codec from the config's options. Errors as dialect_from().
-  static Result<std::shared_ptr<const Codec>> make(const Options& options);
+  static Result<std::shared_ptr<const Codec>> make(const Options& options) {
+    return dialect_from(Frame::e1, options).map(made);
+  }
 
   // AddressSpace
   Result<Address> parse_address(std::string_view text, std::optional<DataType> type) const override;
@@ -40,22 +39,15 @@ class OneE final : public Codec, public AddressSpace, public PlcServices {
     return mc::check_range(settings_.model, span);
   }
   Result<void> check_write(const Span& span) const override;
-
-  std::string name_of(const Span& span) const override {
-    return device_name(settings_.model, span);
-  }
   std::vector<ReadWay> read_ways(std::uint16_t space) const override;
   std::uint32_t max_write_bits(std::uint16_t space) const override;
 
   // Codec
-  const AddressSpace& addresses() const override { return *this; }
-  const PlcServices* plc() const override { return this; }
   Result<Bytes> encode(const Request& request, std::uint16_t tag) const override;
   Decoded decode(const Request& request, std::uint16_t tag, ByteView rx) const override;
   bool may_pass_for_answer(ByteView bytes) const override;
   LineLength line_length(const Request& request) const override;
   std::chrono::milliseconds gives_up_after() const override;
-  bool is_text() const override { return settings_.code == Code::ascii; }
   /// In binary or ASCII, whatever `code` is.
   Explanation explain(ByteView frame, std::optional<Direction> direction) const override;
   Recovery after_silence() const override { return Recovery::reconnect; }
@@ -65,16 +57,11 @@ class OneE final : public Codec, public AddressSpace, public PlcServices {
   RefusalMeaning meaning_of(const Request& request, int device_code) const override;
 
   // PlcServices
-  std::string model() const override { return std::string(to_string(settings_.model)); }
   std::optional<std::string> model_from(const std::vector<Bytes>& images) const override;
-  std::shared_ptr<const Codec> with_model(std::string_view model) const override;
   SpecialDevices special_devices() const override;
   Request run_state() const override;
   std::optional<bool> run_state_from(ByteView image) const override;
   std::string run_hint() const override;
-
- private:
-  Settings settings_;
 };
 
 // For the files of this codec. Sources: JY997D45801, 7.6.3 and 9.3; SH-080008, 18.2.
