@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 #include <cstdlib>
-#include <functional>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <utility>
@@ -22,9 +21,8 @@ using Json = nlohmann::json;
 constexpr std::size_t kMaxCommandBytes = 65536;
 constexpr std::size_t kMaxIdLength = 64;
 constexpr std::size_t kMaxPlaceLength = 128;  ///< of tag and address; a longer one cannot be right
-/// The command, `targets`, and for each target the target itself and its value.
-constexpr std::size_t kMaxStructures = 2 + 2 * kMostTargets;
 constexpr std::size_t kMaxDepth = 3;  ///< root object, `targets`, one target, an array value in it
+constexpr const char* kTooDeep = "nested too deeply";
 
 constexpr std::size_t kMaxQuoted = 64;
 constexpr std::size_t kMaxOpKept = 64;       ///< characters of an op that the result repeats
@@ -36,37 +34,18 @@ std::string in_quotes(std::string_view foreign) {
   return "'" + std::string(foreign.substr(0, kMaxQuoted)) + "'";
 }
 
-/// Finds faults that the parser accepts: duplicate keys and deep nesting.
-struct Watch {
-  bool operator()(int depth, Json::parse_event_t event, const Json& parsed) {
-    using Event = Json::parse_event_t;
-    const auto inside = static_cast<std::size_t>(depth);  // this many objects and arrays
-    if (event == Event::object_start || event == Event::array_start) {
-      keys.resize(inside);
-      keys.emplace_back();
-      if (inside > kMaxDepth && fault.empty()) fault = "nested too deeply";
-    } else if (event == Event::key) {
-      const auto& key = parsed.get_ref<const std::string&>();
-      if (!keys[inside - 1].insert(key).second && fault.empty())
-        fault = "key " + in_quotes(key) + " occurs twice";
-    }
-    return true;
+/// Returns the first fault that the JSON library accepts, a duplicate key or deep nesting; empty if
+/// there is none. The node is inside of `depth` objects and arrays.
+std::string fault_in(const ConfigNode& node, std::size_t depth) {
+  const bool is_object = node.kind == ConfigNode::Kind::object;
+  if ((is_object || node.kind == ConfigNode::Kind::array) && depth > kMaxDepth) return kTooDeep;
+  std::set<std::string_view> keys;
+  for (const ConfigNode& child : node.children) {
+    if (is_object && !keys.insert(child.key).second)
+      return "key " + in_quotes(child.key) + " occurs twice";
+    if (std::string fault = fault_in(child, depth + 1); !fault.empty()) return fault;
   }
-
-  std::vector<std::set<std::string>> keys;  ///< by depth; deeper ones than the current are old
-  std::string fault;                        ///< the first one
-};
-
-/// Counts objects and arrays in a text, as far as it is JSON.
-std::size_t structures_in(std::string_view text) {
-  std::size_t count = 0;
-  bool in_string = false;
-  for (std::size_t i = 0; i < text.size(); ++i) {
-    if (text[i] == '"') in_string = !in_string;
-    if (in_string && text[i] == '\\') ++i;
-    if (!in_string && (text[i] == '{' || text[i] == '[')) ++count;
-  }
-  return count;
+  return {};
 }
 
 std::string not_a_scalar(const Json& json, const std::string& what) {
@@ -414,12 +393,6 @@ void read_conditions(const Json& object, Command& command, Faults& faults) {
   }
 }
 
-/// Returns what is wrong and where, in the words of the config's parser.
-std::string why_no_json(std::string_view payload) {
-  const auto tree = ConfigTree::parse(payload);
-  return tree ? "not JSON" : tree.error().text;
-}
-
 /// Reads the text as one object. Adds what is wrong with its form; what of it can be read is in
 /// `command`. nullopt: there is no object.
 std::optional<Json> read_object(std::string_view payload, Command& command, Faults& faults) {
@@ -433,27 +406,23 @@ std::optional<Json> read_object(std::string_view payload, Command& command, Faul
     if (reader.id()) read_id({{"id", *reader.id()}}, command, of_id);
     return std::nullopt;
   }
-  Watch watch;
-  // With a callback, the parser searches the whole parent at the end of each object and array:
-  // 21,000 of them took a second. A text with too many is refused anyway and parsed without it.
-  const bool too_many = structures_in(payload) > kMaxStructures;
-  Json json = too_many ? parsed_json(payload)
-                       : Json::parse(payload.begin(), payload.end(), std::ref(watch),
-                                     /*allow_exceptions=*/false);
+  const auto tree = ConfigTree::parse(payload, ConfigTree::Folding::none, kAnyTree);
+  Json json = parsed_json(payload);
   if (json.is_discarded() || !json.is_object()) {
-    faults.add(Reason::bad_json,
-               json.is_discarded() ? why_no_json(payload) : "a command is a JSON object");
+    const std::string why = tree ? "not JSON" : tree.error().text;
+    faults.add(Reason::bad_json, json.is_discarded() ? why : "a command is a JSON object");
     return std::nullopt;
   }
-  // The parser takes a NUL for the end of the text.
-  if (payload.find('\0') != std::string_view::npos)
+  if (!tree)  // The library takes a NUL for the end of the text, and has no limit of depth.
     faults.add(Reason::bad_json,
-               "a NUL byte is not JSON: send the text without its terminating zero");
+               payload.find('\0') == std::string_view::npos
+                   ? kTooDeep
+                   : "a NUL byte is not JSON: send the text without its terminating zero");
   if (const auto number = vanishing_number(payload); !number.empty())
     faults.add(Reason::bad_json, "the number " + std::string(number.substr(0, kMaxQuoted)) +
                                      " is too close to 0 for a float64 and would be read as 0");
-  if (!watch.fault.empty()) faults.add(Reason::bad_json, watch.fault);
-  if (too_many) faults.add(Reason::bad_json, "more objects and arrays than a command may have");
+  if (std::string fault = tree ? fault_in(tree->root(), 0) : std::string(); !fault.empty())
+    faults.add(Reason::bad_json, std::move(fault));
   if (json.contains("status"))
     faults.add(Reason::bad_json, "key 'status' belongs to a result: this is not a command");
   return json;
