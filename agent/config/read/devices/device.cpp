@@ -7,7 +7,7 @@
 #include <memory>
 #include <set>
 #include <string>
-#include <unordered_map>
+#include <unordered_set>
 #include <utility>
 
 #include "agent/config/keys.h"
@@ -73,11 +73,7 @@ class SharedParts final {
   }
 
   SharedVector<TagConfig> tags_of(SharedVector<TagConfig> tags) {
-    const std::size_t hash = hash_of(tags);
-    const auto [first, last] = tags_.equal_range(hash);
-    for (auto known = first; known != last; ++known)
-      if (known->second == tags) return known->second;
-    return tags_.emplace(hash, std::move(tags))->second;
+    return *tags_.insert(std::move(tags)).first;
   }
 
  private:
@@ -85,23 +81,25 @@ class SharedParts final {
     bool operator()(const auto& one, const auto& other) const { return *one < *other; }
   };
 
-  /// Hashes the members that commonly differ between lists. Lists with equal hashes are compared.
-  static std::size_t hash_of(const SharedVector<TagConfig>& tags) {
-    std::size_t hash = tags.size();
-    for (const TagConfig& tag : tags) {
-      boost::hash_combine(hash, std::string_view(tag.name));
-      boost::hash_combine(hash, std::string_view(tag.point.address.text));
-      boost::hash_combine(hash, tag.point.scale);
-      boost::hash_combine(hash, tag.point.offset);
-      boost::hash_combine(hash, tag.units.get());  // of units_of()
+  /// Hashes the members that commonly differ between lists.
+  struct HashOfTags {
+    std::size_t operator()(const SharedVector<TagConfig>& tags) const {
+      std::size_t hash = tags.size();
+      for (const TagConfig& tag : tags) {
+        boost::hash_combine(hash, std::string_view(tag.name));
+        boost::hash_combine(hash, std::string_view(tag.point.address.text));
+        boost::hash_combine(hash, tag.point.scale);
+        boost::hash_combine(hash, tag.point.offset);
+        boost::hash_combine(hash, tag.units.get());  // of units_of()
+      }
+      return hash;
     }
-    return hash;
-  }
+  };
 
   std::map<std::pair<const ProtocolInfo*, Options>, Protocol> protocols_;
   std::map<const Codec*, std::vector<std::shared_ptr<const Codec>>> models_;
   std::set<std::shared_ptr<const TagUnits>, ByValue> units_;
-  std::unordered_multimap<std::size_t, SharedVector<TagConfig>> tags_;
+  std::unordered_set<SharedVector<TagConfig>, HashOfTags> tags_;
 };
 
 /// Reads one device. If its protocol is missing or wrong, reads on without a codec, so that other
