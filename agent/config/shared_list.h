@@ -3,6 +3,7 @@
 // elements, so access a list that other threads read through const only.
 #pragma once
 
+#include <boost/iterator/indirect_iterator.hpp>
 #include <cstddef>
 #include <initializer_list>
 #include <memory>
@@ -20,29 +21,9 @@ class SharedList final {
 
  public:
   using value_type = T;
-  /// Forward iterator over the elements, not over the pointers to them.
-  template <class Element, class Base>
-  class Iterator {
-   public:
-    using value_type = T;
-    using difference_type = std::ptrdiff_t;
-
-    Iterator() = default;
-    explicit Iterator(Base base) : base_(base) {}
-    Element& operator*() const { return **base_; }
-    Element* operator->() const { return base_->get(); }
-    Iterator& operator++() {
-      ++base_;
-      return *this;
-    }
-    Iterator operator++(int) { return Iterator(base_++); }
-    friend bool operator==(const Iterator&, const Iterator&) = default;
-
-   private:
-    Base base_{};
-  };
-  using iterator = Iterator<T, typename Elements::iterator>;
-  using const_iterator = Iterator<const T, typename Elements::const_iterator>;
+  // Over the elements, not over the pointers to them.
+  using iterator = boost::indirect_iterator<typename Elements::iterator>;
+  using const_iterator = boost::indirect_iterator<typename Elements::const_iterator, const T>;
 
   SharedList() = default;
   SharedList(std::initializer_list<T> list) {
