@@ -286,6 +286,7 @@ struct RemoteRange {
   const ProtocolInfo* protocol = nullptr;
   std::string model{};  ///< empty if `protocol` is nullptr or has no models
   std::string range{};  ///< as AddressSpace::parse_range() reads it
+  Span span{};          ///< the same for that model; only if `protocol` is set
   friend bool operator==(const RemoteRange&, const RemoteRange&) = default;
 };
 

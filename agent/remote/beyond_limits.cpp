@@ -94,29 +94,6 @@ const DeviceConfig* local_device(const Config& local, const LocalDevices& device
   return same ? &known : nullptr;
 }
 
-/// Addresses that an entry of `remote_allow` opens on every device of its protocol and model.
-struct Grant {
-  const ProtocolInfo* protocol;
-  std::string model;  ///< as model_of() returns it
-  Span span;
-};
-
-const std::vector<Grant> kNoGrants;
-
-std::vector<Grant> grants_of(const RemoteLimits& limits) {
-  std::vector<Grant> grants;
-  for (const RemoteRange& entry : limits.allow) {
-    if (entry.protocol == nullptr) continue;
-    Options options = default_options(*entry.protocol);
-    if (!entry.model.empty()) options["model"] = entry.model;
-    const auto codec = entry.protocol->make(options);
-    if (!codec) continue;  // the local file was checked
-    if (const auto span = (*codec)->addresses().parse_range(entry.range))
-      grants.push_back({entry.protocol, model_of(**codec), *span});
-  }
-  return grants;
-}
-
 /// True if every device that the local file has at this port or host is of the same protocol and
 /// model: a document must not declare another one in order to renumber the addresses of a machine.
 bool fits_its_place(const Config& local, const LinkConfig& link, const DeviceConfig& device) {
@@ -129,10 +106,10 @@ bool fits_its_place(const Config& local, const LinkConfig& link, const DeviceCon
 /// Checks what commands may do to one device of `wanted`.
 class DeviceLimits {
  public:
-  /// `known`: this device in the local file; nullptr if it has none. `grants`: those that the
-  /// device may use. All must outlive the object.
+  /// `known`: this device in the local file; nullptr if it has none. `link`: its link in `wanted`.
+  /// All must outlive the object.
   DeviceLimits(const Config& local, const DeviceConfig* known, const DeviceConfig& device,
-               const std::vector<Grant>& grants, ErrorList& errors)
+               const LinkConfig& link, ErrorList& errors)
       : remote_(local.remote),
         known_(known),
         device_(device),
@@ -142,13 +119,14 @@ class DeviceLimits {
     // Every unit of the bus would obey a broadcast, those of the local file too.
     if (codec_->is_broadcast()) return;
     for (const RemoteRange& entry : remote_.allow) {
-      if (entry.protocol != nullptr) continue;
-      const auto span = codec_->addresses().parse_range(entry.range);
-      if (span) (known != nullptr ? allow_ : local_only_).push_back(*span);
+      if (entry.protocol == nullptr) {
+        const auto span = codec_->addresses().parse_range(entry.range);
+        if (span) (known != nullptr ? allow_ : local_only_).push_back(*span);
+      } else if (entry.protocol == device.protocol && entry.model == model_of(*device.codec) &&
+                 (known != nullptr || fits_its_place(local, link, device))) {
+        allow_.push_back(entry.span);
+      }
     }
-    for (const Grant& grant : grants)
-      if (grant.protocol == device.protocol && grant.model == model_of(*device.codec))
-        allow_.push_back(grant.span);
   }
 
   void check() {
@@ -245,15 +223,12 @@ std::vector<ConfigError> beyond_limits(const Config& local, const Config& wanted
   ErrorList errors;
   check_servers(local.mqtt, wanted.mqtt, errors);
   check_ports(local, wanted, errors);
-  const std::vector<Grant> grants = grants_of(local.remote);
   LocalDevices devices;
   for (const DeviceConfig& device : local.devices) devices.emplace(device.name, &device);
   for (const DeviceConfig& device : wanted.devices) {
     if (stop != nullptr && *stop) break;
     const DeviceConfig* known = local_device(local, devices, wanted, device);
-    const bool fits = known != nullptr || grants.empty() ||
-                      fits_its_place(local, wanted.links.at(device.link), device);
-    DeviceLimits(local, known, device, fits ? grants : kNoGrants, errors).check();
+    DeviceLimits(local, known, device, wanted.links.at(device.link), errors).check();
   }
   return errors.take();
 }

@@ -21,13 +21,16 @@ constexpr std::string_view kForms =
     "links, devices, mqtt.servers, commands.allow_run_stop, or commands.allow: and a range of "
     "addresses, after a protocol and a model for devices that are not in this file";
 
-/// True if the devices of `protocol` have this range. An empty `model` means the widest model.
-bool has_range(const ProtocolInfo& protocol, std::string_view model, std::string_view range) {
+/// Returns the range on devices of `protocol`; an error if they do not have it. An empty `model`
+/// means the widest model.
+Result<Span> range_on(const ProtocolInfo& protocol, std::string_view model,
+                      std::string_view range) {
   Options options = default_options(protocol);
   if (!protocol.models.empty())
     options["model"] = std::string(model.empty() ? protocol.models.back() : model);
-  const auto codec = protocol.make(options);
-  return codec && (*codec)->addresses().parse_range(range).has_value();
+  return protocol.make(options).and_then([&](const std::shared_ptr<const Codec>& codec) {
+    return codec->addresses().parse_range(range);
+  });
 }
 
 /// Cuts the first word off `text`.
@@ -45,8 +48,9 @@ void read_range(ConfigReader& reader, const ConfigNode& item, std::string_view t
   entry.protocol = find_protocol(next_word(rest));
   if (entry.protocol == nullptr) {
     entry.range = text;
-    if (std::ranges::none_of(
-            catalog(), [&](const ProtocolInfo& protocol) { return has_range(protocol, {}, text); }))
+    if (std::ranges::none_of(catalog(), [&](const ProtocolInfo& protocol) {
+          return range_on(protocol, {}, text).has_value();
+        }))
       return reader.error(item,
                           shown(entry.range) + " is not a range of addresses of any protocol");
   } else {
@@ -58,10 +62,12 @@ void read_range(ConfigReader& reader, const ConfigNode& item, std::string_view t
       entry.model = model;
     }
     entry.range = rest;
-    if (!has_range(*entry.protocol, entry.model, rest))
+    const auto span = range_on(*entry.protocol, entry.model, rest);
+    if (!span)
       return reader.error(item, shown(entry.range) + " is not a range of addresses of " +
                                     std::string(entry.protocol->name) +
                                     (entry.model.empty() ? "" : " " + entry.model));
+    entry.span = *span;
   }
   limits.allow.push_back(std::move(entry));
 }
