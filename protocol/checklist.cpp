@@ -17,12 +17,6 @@ const SettingHints& hints_for(const ProtocolInfo& protocol, const Codec& codec) 
   return found == protocol.model_hints.end() ? protocol.hints : found->second;
 }
 
-std::string to_string(const OptionValue& value) {
-  if (const auto* flag = std::get_if<bool>(&value)) return *flag ? "true" : "false";
-  if (const auto* number = std::get_if<std::int64_t>(&value)) return std::to_string(*number);
-  return std::get<std::string>(value);
-}
-
 /// Adds the value of each option after its name: "`unit`" becomes "`unit` (5)".
 std::string with_values(std::string_view text, const Options& options) {
   std::string out;

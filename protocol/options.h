@@ -33,6 +33,13 @@ inline constexpr std::string_view kAutoModel = "auto";
 /// Every option of the protocol, configured or default. `model` is always present, also as "auto".
 using Options = std::map<std::string, OptionValue, std::less<>>;
 
+/// Returns "12", "true" or the word.
+inline std::string to_string(const OptionValue& value) {
+  if (const auto* number = std::get_if<std::int64_t>(&value)) return std::to_string(*number);
+  if (const auto* flag = std::get_if<bool>(&value)) return *flag ? "true" : "false";
+  return std::get<std::string>(value);
+}
+
 /// Returns the value of an option, or null if it is absent or has another type.
 template <class T>
 const T* option(const Options& options, std::string_view key) {

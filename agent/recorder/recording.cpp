@@ -27,12 +27,6 @@ std::string one_line(std::string_view text) {
   return line;
 }
 
-std::string text_of(const OptionValue& value) {
-  if (const auto* number = std::get_if<std::int64_t>(&value)) return std::to_string(*number);
-  if (const auto* flag = std::get_if<bool>(&value)) return *flag ? "true" : "false";
-  return std::get<std::string>(value);
-}
-
 /// Returns the value of an option; nullopt if the protocol has no such option or value.
 std::optional<OptionValue> option_value(const ProtocolInfo& protocol, std::string_view key,
                                         std::string_view text) {
@@ -66,7 +60,7 @@ std::shared_ptr<const Codec> codec_of(const RecordedDevice& device) {
 std::string device_lines(std::size_t index, const RecordedDevice& device) {
   const std::string number = std::to_string(index);
   std::string text = "device " + number + " " + device.name + " " + device.protocol;
-  for (const auto& [key, value] : device.options) text += " " + key + "=" + text_of(value);
+  for (const auto& [key, value] : device.options) text += " " + key + "=" + to_string(value);
   text += '\n';
   const auto codec = codec_of(device);
   if (const NumberPlace place = codec ? number_place(*codec) : NumberPlace{}; place.size > 0)
