@@ -183,7 +183,7 @@ tl::expected<Config, ConfigErrors> parse_config(std::string_view text,
   Config config = read_top(reader, tree->root(), privacy);
   if (bounds.is_stopped())
     return tl::unexpected(ConfigErrors{ConfigError{"", 0, "could not be read completely"}});
-  if (reader.failed()) return tl::unexpected(reader.errors());
+  if (auto errors = reader.errors(); !errors.empty()) return tl::unexpected(std::move(errors));
   config.warnings = reader.warnings();
   config.hash = short_hash(text);
   return config;

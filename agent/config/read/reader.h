@@ -56,7 +56,6 @@ class ConfigReader {
   void error_at_key(const ConfigNode& at, std::string text);
   void warn(const ConfigNode& at, std::string text);
 
-  bool failed() const { return !errors_.empty(); }
   /// True if the error text at this byte may use did_you_mean(), which compares a word with all
   /// valid ones. Limits a text to 20 calls.
   bool may_suggest(std::uint32_t offset);
