@@ -137,11 +137,7 @@ std::optional<Refusal> prepare_run_or_stop(const Codec& codec, const CommandRule
 /// Returns "; did you mean …?", or empty if no name is near or the device has more than 1,000 tags.
 std::string nearest_tag(std::string_view said, const DeviceConfig& device) {
   constexpr std::size_t kMost = 1000;
-  std::vector<std::string_view> names;
-  if (device.tags.size() > kMost) return {};
-  names.reserve(device.tags.size());
-  for (const TagConfig& tag : device.tags) names.push_back(tag.name);
-  return did_you_mean(said, names);
+  return device.tags.size() > kMost ? std::string() : did_you_mean(said, names_in(device.tags));
 }
 
 /// Returns the detail for a point that was given by its address, outside of commands.allow. Names a

@@ -122,9 +122,7 @@ constexpr std::array kGroups{kWrite, kForce, kForce, kRead, kRunStop, kRunStop};
 static_assert(kGroups.size() == static_cast<std::size_t>(Op::stop) + 1);
 
 std::string unknown(std::string_view name) {
-  std::array<std::string_view, kKeys.size()> names;
-  std::ranges::transform(kKeys, names.begin(), &Key::name);
-  return "unknown key " + in_quotes(name) + did_you_mean(name, names);
+  return "unknown key " + in_quotes(name) + did_you_mean(name, names_in(kKeys));
 }
 
 /// Checks keys that refine an address: they need one, and `count` and `length` depend on its type.
@@ -320,45 +318,23 @@ void read_targets(const Json& object, Command& command, Faults& faults) {
   for (const Json& entry : *targets) command.targets.push_back(read_target(entry, faults));
 }
 
-/// Finds the first `id` of the command itself in a text that may end anywhere.
-class IdReader final : public nlohmann::json_sax<Json> {
- public:
-  const std::optional<Json>& id() const { return id_; }
-
-  bool null() override { return take(nullptr); }
-  bool boolean(bool value) override { return take(value); }
-  bool number_integer(number_integer_t value) override { return take(value); }
-  bool number_unsigned(number_unsigned_t value) override { return take(value); }
-  bool number_float(number_float_t value, const string_t&) override { return take(value); }
-  bool string(string_t& value) override { return take(value); }
-  bool binary(binary_t&) override { return false; }
-  bool start_object(std::size_t) override { return begin(); }
-  bool start_array(std::size_t) override { return depth_ != 0 && begin(); }
-  bool end_object() override { return --depth_ != 0; }
-  bool end_array() override { return --depth_ != 0; }
-  bool key(string_t& name) override {
-    is_id_ = depth_ == 1 && name == "id";
-    return true;
-  }
-  bool parse_error(std::size_t, const std::string&, const Json::exception&) override {
-    return false;
-  }
-
- private:
-  bool begin() {
-    if (is_id_) return false;  // an id is not an object or array
-    ++depth_;
-    return true;
-  }
-  bool take(Json value) {
-    if (is_id_) id_ = std::move(value);
-    return !is_id_ && depth_ != 0;
-  }
-
-  int depth_ = 0;
-  bool is_id_ = false;
-  std::optional<Json> id_;
-};
+/// Returns the first `id` of the command itself in a text that may end anywhere; nullopt if there
+/// is none, or if it is an object or array. Keeps nothing else of the text.
+std::optional<Json> id_in(std::string_view text) {
+  using Event = Json::parse_event_t;
+  std::optional<Json> id;
+  bool was_seen = false;
+  bool is_next = false;
+  const auto look = [&](int depth, Event event, const Json& parsed) {
+    if (is_next && event == Event::value) id = parsed;
+    is_next = event == Event::key && depth == 1 && !was_seen && parsed == "id";
+    was_seen = was_seen || is_next;
+    return depth == 0 && event == Event::object_start;
+  };
+  [[maybe_unused]] const Json rest =
+      Json::parse(text.begin(), text.end(), look, /*allow_exceptions=*/false);
+  return id;
+}
 
 /// Reads a key that must be `true` or `false` if present.
 std::optional<bool> read_flag(const Json* flag, const char* key, Faults& faults) {
@@ -400,10 +376,8 @@ std::optional<Json> read_object(std::string_view payload, Command& command, Faul
     // Too many properties come as a part of the payload: uplink/paho/incoming_packets.h.
     faults.add(Reason::too_large,
                "more than 65536 bytes, or more than 192 KiB of MQTT 5 properties");
-    IdReader reader;
-    Json::sax_parse(payload, &reader);
     Faults of_id;
-    if (reader.id()) read_id({{"id", *reader.id()}}, command, of_id);
+    if (const auto id = id_in(payload)) read_id({{"id", *id}}, command, of_id);
     return std::nullopt;
   }
   const auto tree = ConfigTree::parse(payload, ConfigTree::Folding::none, kAnyTree);
