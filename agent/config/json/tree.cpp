@@ -51,31 +51,19 @@ class TreeBuilder {
               std::size_t folded_depth, const TreeBounds& bounds)
       : root_(root), text_(text), taken_(taken), folded_depth_(folded_depth), bounds_(bounds) {}
 
-  bool null() {
-    return leaf(Kind::null, [](ConfigNode&) {});
-  }
-  bool boolean(bool value) {
-    return leaf(Kind::boolean, [&](ConfigNode& node) { node.boolean = value; });
-  }
+  bool null() { return leaf({}); }
+  bool boolean(bool value) { return leaf({.kind = Kind::boolean, .boolean = value}); }
   bool number_integer(std::int64_t value) {
-    return leaf(Kind::integer, [&](ConfigNode& node) {
-      node.integer = value;
-      node.number = static_cast<double>(value);
-    });
+    return leaf({.kind = Kind::integer, .integer = value, .number = static_cast<double>(value)});
   }
   bool number_unsigned(std::uint64_t value) {
     if (std::in_range<std::int64_t>(value)) return number_integer(static_cast<std::int64_t>(value));
     return number_float(static_cast<double>(value), std::to_string(value));
   }
   bool number_float(double value, const std::string& spelled) {
-    return leaf(Kind::number, [&](ConfigNode& node) {
-      node.number = value;
-      node.text = spelled;
-    });
+    return leaf({.kind = Kind::number, .number = value, .text = spelled});
   }
-  bool string(std::string& value) {
-    return leaf(Kind::string, [&](ConfigNode& node) { node.text = std::move(value); });
-  }
+  bool string(std::string& value) { return leaf({.kind = Kind::string, .text = std::move(value)}); }
   bool binary(Json::binary_t&) { return false; }  // not in a JSON text
   bool key(std::string& value) {
     accepted_.end = taken_;
@@ -107,11 +95,10 @@ class TreeBuilder {
   const std::string& end() const { return end_; }
 
  private:
-  template <class Fill>
-  bool leaf(Kind kind, Fill fill) {
+  bool leaf(ConfigNode value) {
     if (is_over()) return false;
-    if (kind == Kind::integer || kind == Kind::number) end_number();
-    if (!is_folding()) fill(*add(kind));
+    if (value.kind == Kind::integer || value.kind == Kind::number) end_number();
+    if (!is_folding()) add(std::move(value));
     return true;
   }
   /// Returns the last byte of the token, or for a number the byte after it, which the lexer had to
@@ -139,21 +126,18 @@ class TreeBuilder {
     return !end_.empty();
   }
 
-  ConfigNode* add(Kind kind) {
-    ConfigNode* node = &root_;
-    if (!open_.empty()) {
-      // An open node is always the last of its siblings, so growing this vector moves no open node.
-      node = &open_.back()->children.emplace_back();
-      if (open_.back()->kind == Kind::object) {
-        node->key = std::move(key_);
-        node->key_offset = key_offset_;
-      } else {
-        node->index = static_cast<std::uint32_t>(open_.back()->children.size() - 1);
-      }
+  ConfigNode* add(ConfigNode value) {
+    value.offset = place();
+    if (open_.empty()) return &(root_ = std::move(value));
+    std::vector<ConfigNode>& siblings = open_.back()->children;
+    if (open_.back()->kind == Kind::object) {
+      value.key = std::move(key_);
+      value.key_offset = key_offset_;
+    } else {
+      value.index = static_cast<std::uint32_t>(siblings.size());
     }
-    node->kind = kind;
-    node->offset = place();
-    return node;
+    // An open node is always the last of its siblings, so growing this vector moves no open node.
+    return &siblings.emplace_back(std::move(value));
   }
   bool open(Kind kind) {
     if (is_over()) return false;
@@ -166,7 +150,7 @@ class TreeBuilder {
       ++in_folded_;
       return true;
     }
-    ConfigNode* const node = add(kind);
+    ConfigNode* const node = add({.kind = kind});
     if (kind == Kind::array && open_.size() == folded_depth_) {
       folded_ = node;
       in_folded_ = 1;

@@ -26,10 +26,10 @@ struct ConfigNode {
   std::uint32_t end = 0;         ///< folded arrays only: the byte after it; 0: not folded
   std::int64_t integer = 0;      ///< integer only
   double number = 0;             ///< integer and number
-  std::string key;               ///< object members only
-  std::string text;  ///< strings, JSON escapes decoded; numbers that are not integers, as spelled
+  std::string key{};             ///< object members only
+  std::string text{};  ///< strings, JSON escapes decoded; numbers that are not integers, as spelled
   const ConfigNode* parent = nullptr;
-  std::vector<ConfigNode> children;
+  std::vector<ConfigNode> children{};
 
   /// Returns the first member with this name; nullptr if there is none or this is not an object.
   const ConfigNode* find(std::string_view name) const;
