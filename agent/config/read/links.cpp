@@ -212,9 +212,8 @@ Links read_links(ConfigReader& reader, const ConfigNode& array, Config& config) 
     if (serial != nullptr) read_serial(reader, node, *serial, ports, link);
     if (tcp != nullptr) read_tcp(reader, node, *tcp, hosts, link);
     if (udp != nullptr) read_udp(reader, node, *udp, hosts, link);
-    const ConfigKey& share = config_key("links[].poll_share_percent");
-    link.poll_share =
-        static_cast<double>(reader.integer(node, share).value_or(share.number())) / 100;
+    if (const auto percent = reader.integer(node, "links[].poll_share_percent"))
+      link.poll_share = static_cast<double>(*percent) / 100;
     link.allow_yield = reader.boolean(node, "links[].allow_yield");
   }
   return links;

@@ -458,10 +458,8 @@ void DeviceReader::read_tag(const ConfigNode& node) {
 bool DeviceReader::read_place(const ConfigNode& node, TagConfig& tag) {
   std::optional<DataType> type;
   const ConfigNode* given = node.find("type");
-  if (const auto index = reader_.choice(node, "devices[].tags[].type")) {
-    const auto read = data_type_from(config_keys::kTypes[*index]);
-    if (read) type = *read;
-  }
+  if (const auto index = reader_.choice(node, "devices[].tags[].type"))
+    type = *data_type_from(config_keys::kTypes[*index]);
   const auto text = reader_.text(node, "devices[].tags[].address");
   bool good = text.has_value() && (given == nullptr || type);
   if (text && codec_ != nullptr) {
@@ -498,7 +496,7 @@ void DeviceReader::read_shape(const ConfigNode& node, std::optional<DataType> ty
   if (codec_ != nullptr) point.order = codec_->addresses().default_order();
   const ConfigKey word_order = word_order_key(device_.protocol);
   if (const auto index = reader_.choice(node, word_order)) {
-    if (const auto order = byte_order_from(word_order.limits.words[*index])) point.order = *order;
+    point.order = *byte_order_from(word_order.limits.words[*index]);
     if (type == DataType::boolean)
       reader_.error_at_key(*node.find("word_order"), "a bool has no word order");
   }
