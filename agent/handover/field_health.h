@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <boost/circular_buffer.hpp>
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
@@ -21,19 +22,13 @@ struct Percentiles {
 class PercentileWindow final {
  public:
   void add(std::chrono::nanoseconds duration) {
-    const auto ms = std::chrono::duration<float, std::milli>(duration).count();
-    if (window_.size() < kSize) {
-      window_.push_back(ms);
-    } else {
-      window_[next_] = ms;
-      next_ = (next_ + 1) % kSize;
-    }
+    window_.push_back(std::chrono::duration<float, std::milli>(duration).count());
   }
 
   /// Returns the percentiles of the window in ms; 0 if it is empty.
   Percentiles percentiles() const {
     if (window_.empty()) return {};
-    std::vector<float> sorted = window_;
+    std::vector<float> sorted(window_.begin(), window_.end());
     std::sort(sorted.begin(), sorted.end());
     const auto at = [&](std::size_t percent) {
       return static_cast<double>(
@@ -43,9 +38,8 @@ class PercentileWindow final {
   }
 
  private:
-  static constexpr std::size_t kSize = 256;
-  std::vector<float> window_;  ///< grows with use: an idle link costs nothing
-  std::size_t next_ = 0;
+  /// Grows with use: an idle link costs nothing.
+  boost::circular_buffer_space_optimized<float> window_{256};
 };
 
 /// Counts durations in fixed buckets, for the histograms of metrics. An add() is a search among
