@@ -1,7 +1,5 @@
 #include "agent/process/port_access.h"
 
-#include <grp.h>
-#include <pwd.h>
 #include <sys/stat.h>
 #include <sys/sysmacros.h>
 #include <unistd.h>
@@ -10,11 +8,11 @@
 #include <array>
 #include <cerrno>
 #include <climits>
+#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <memory>
 #include <sstream>
 #include <string_view>
 #include <vector>
@@ -111,32 +109,19 @@ std::optional<int> holder_by_lock(const struct stat& file) {
   return std::nullopt;
 }
 
-struct CloseFile {
-  void operator()(std::FILE* file) const { std::fclose(file); }
-};
-using File = std::unique_ptr<std::FILE, CloseFile>;
-
-// Names come only from the files of this machine. A directory service would be queried on a thread
-// that polls, and may take long to answer; the groups of ports are local.
-
-std::string group_name(gid_t group) {
-  const File file(std::fopen("/etc/group", "re"));
-  std::array<char, 4096> room{};
-  struct group entry {};
-  struct group* found = nullptr;
-  while (file && ::fgetgrent_r(file.get(), &entry, room.data(), room.size(), &found) == 0)
-    if (entry.gr_gid == group) return entry.gr_name;
-  return std::to_string(group);
-}
-
-std::string user_name() {
-  const File file(std::fopen("/etc/passwd", "re"));
-  std::array<char, 4096> room{};
-  passwd entry{};
-  passwd* found = nullptr;
-  while (file && ::fgetpwent_r(file.get(), &entry, room.data(), room.size(), &found) == 0)
-    if (entry.pw_uid == ::geteuid()) return entry.pw_name;
-  return "USER";
+/// Returns the name with this number in /etc/group or /etc/passwd, whose lines begin with name,
+/// password and number; nullopt if there is none. Only files of this machine are read: a directory
+/// service would be queried on a thread that polls, and may take long to answer; the groups of
+/// ports are local.
+std::optional<std::string> name_in(const char* path, std::uint32_t number) {
+  std::ifstream file(path);
+  for (std::string line; std::getline(file, line);) {
+    std::string_view rest = line;
+    const std::string_view name = take_until(rest, ':');
+    take_until(rest, ':');
+    if (number_from<std::uint32_t>(take_until(rest, ':')) == number) return std::string(name);
+  }
+  return std::nullopt;
 }
 
 bool is_in(gid_t group) {
@@ -151,7 +136,8 @@ std::string no_permission(const std::string& path) {
   struct stat file {};
   constexpr mode_t kGroupMay = S_IRGRP | S_IWGRP;
   if (::stat(path.c_str(), &file) != 0) return " (this user may not enter a directory of the path)";
-  const std::string group = group_name(file.st_gid);
+  const std::string group =
+      name_in("/etc/group", file.st_gid).value_or(std::to_string(file.st_gid));
   if ((file.st_mode & kGroupMay) != kGroupMay || file.st_gid == 0)
     return " (its group may not open it: set group and mode by a udev rule, GROUP=\"dialout\", "
            "MODE=\"0660\")";
@@ -159,7 +145,8 @@ std::string no_permission(const std::string& path) {
     return " (the group " + group +
            " may open it, and this user is in it: look for another cause, such as AppArmor or the "
            "container)";
-  return " (it belongs to the group " + group + ": usermod -aG " + group + " " + user_name() +
+  return " (it belongs to the group " + group + ": usermod -aG " + group + " " +
+         name_in("/etc/passwd", ::geteuid()).value_or("USER") +
          ", then log in again; for a service SupplementaryGroups=" + group +
          ", for a container --group-add " + std::to_string(file.st_gid) + ")";
 }
