@@ -13,20 +13,12 @@ const OptionSpec* option_named(const ProtocolInfo& protocol, std::string_view ke
 }
 
 ConfigKey option_key(const OptionSpec& option) {
+  using Type = ConfigKey::Type;
+  constexpr std::array kTypes{Type::integer, Type::boolean, Type::choice};  // by OptionSpec::Kind
   ConfigKey key{.section = "devices[]", .name = option.key, .meaning = option.meaning};
-  switch (option.kind) {
-    case OptionSpec::Kind::integer:
-      key.type = ConfigKey::Type::integer;
-      key.limits = {option.min, option.max};
-      break;
-    case OptionSpec::Kind::boolean:
-      key.type = ConfigKey::Type::boolean;
-      break;
-    case OptionSpec::Kind::choice:
-      key.type = ConfigKey::Type::choice;
-      key.limits = std::span(option.choices);
-      break;
-  }
+  key.type = kTypes[static_cast<std::size_t>(option.kind)];
+  key.limits = {option.min, option.max};
+  key.limits.words = option.choices;
   std::visit([&](const auto& value) { key.fallback = value; }, option.fallback);
   return key;
 }
