@@ -75,15 +75,8 @@ Bytes framed(Framing framing, std::uint8_t unit, ByteView pdu, std::uint16_t tra
 }
 
 std::size_t framed_length(Framing framing, std::size_t pdu_bytes) {
-  switch (framing) {
-    case Framing::rtu:
-      return 1 + pdu_bytes + 2;
-    case Framing::ascii:
-      return 1 + 2 * (1 + pdu_bytes + 1) + 2;
-    case Framing::tcp:
-      break;
-  }
-  return kMbap + 1 + pdu_bytes;
+  if (framing == Framing::ascii) return 1 + 2 * (1 + pdu_bytes + 1) + 2;
+  return 1 + pdu_bytes + (framing == Framing::rtu ? 2 : kMbap);
 }
 
 Frame rtu_frame(ByteView rx, std::size_t at, std::size_t pdu_bytes) {

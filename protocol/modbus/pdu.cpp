@@ -5,6 +5,8 @@
 #include <initializer_list>
 #include <variant>
 
+#include "protocol/encoding.h"
+
 namespace fxagent::modbus {
 namespace {
 
@@ -86,9 +88,7 @@ Result<Bytes> encode_write(const Write& write) {
 
 Result<Bytes> encode_force(const Force& force) {
   if (force.space == id(Space::coil)) {
-    if (force.way == id(WriteWay::several))
-      return encode_write(
-          {{force.space, force.bit, 1}, {force.on ? std::uint8_t{1} : std::uint8_t{0}}});
+    if (force.way == id(WriteWay::several)) return encode_write(write_of(force));
     if (force.bit >= kNumbers) return refuse("the numbers end at 65535");
     return pdu_of(Function::write_coil, {force.bit, force.on ? 0xFF00U : 0U});
   }

@@ -267,11 +267,10 @@ std::vector<Span> asked_in(const Plan& plan, ReadIndices which, std::span<const 
   for (const std::uint32_t read : which) {
     const PlannedRead& planned = plan.reads[read];
     for (const std::uint32_t index : planned.points) {
-      const auto span = span_of(points[index]);
-      if (!span) continue;
-      const std::uint32_t first = std::max(span->first_bit, planned.read.span.first_bit);
-      const std::uint32_t end = std::min(span->end_bit(), planned.read.span.end_bit());
-      if (first < end) asked.push_back({span->space, first, end - first});
+      const Span span = *span_of(points[index]);
+      const std::uint32_t first = std::max(span.first_bit, planned.read.span.first_bit);
+      const std::uint32_t end = std::min(span.end_bit(), planned.read.span.end_bit());
+      if (first < end) asked.push_back({span.space, first, end - first});
     }
   }
   return merged(std::move(asked));
@@ -288,10 +287,9 @@ std::optional<Halves> halves_of(const Codec& codec, std::span<const Point> point
   if (way == ways.end()) return std::nullopt;
   std::vector<Extent> elements;
   for (const std::uint32_t index : planned.points) {
-    const auto place = span_of(points[index]);
-    if (!place) continue;
-    const std::uint32_t step = place->bits / points[index].count;
-    for (std::uint32_t at = place->first_bit; at < place->end_bit(); at += step) {
+    const Span place = *span_of(points[index]);
+    const std::uint32_t step = place.bits / points[index].count;
+    for (std::uint32_t at = place.first_bit; at < place.end_bit(); at += step) {
       const Extent part{std::max(at, whole.first), std::min(at + step, whole.end)};
       if (part.first < part.end) elements.push_back(part);
     }
