@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <chrono>
+#include <map>
+#include <ranges>
 #include <utility>
 
 namespace fxagent {
@@ -50,17 +52,13 @@ constexpr const char* kCost =
 constexpr const char* kPlace =
     "row_number() OVER (PARTITION BY device ORDER BY arrival DESC, received_ms DESC) AS place";
 
-constexpr const char* kEntry =
+constexpr const char* kFind =
     "SELECT device, id, received_ms, deadline_ms, op, response_topic, correlation, result, told,"
-    " arrival, payload, refused";
-
-/// Returns the condition for the rows of ?1, the device; empty: of all. For one device the primary
-/// key limits the search to its rows.
-const char* is_of(const std::string& device) { return device.empty() ? "?1 = ''" : "device = ?1"; }
+    " arrival, payload, refused FROM orders WHERE device = ? AND id = ?";
 
 std::int64_t moment(std::int64_t utc_ms) { return std::clamp<std::int64_t>(utc_ms, 0, kLatestMs); }
 
-/// Returns the entry in the row of a statement that begins with kEntry.
+/// Returns the entry in the row of kFind.
 JournalEntry entry_of(const SQLite::Statement& row) {
   JournalEntry entry;
   entry.device = text(row, 0);
@@ -89,6 +87,7 @@ CommandTable::CommandTable(SQLite::Database& database)
     : database_(database),
       insert_(database, kInsert),
       record_(database, kRecord),
+      find_(database, kFind),
       acknowledge_(database,
                    // Matches the key only: inside a string of the result its quotes would be
                    // escaped.
@@ -174,35 +173,44 @@ void CommandTable::acknowledge(const std::string& device, const std::string& id,
 
 std::optional<JournalEntry> CommandTable::find(const std::string& device, const std::string& id) {
   std::optional<JournalEntry> found;
-  SQLite::Statement one(database_,
-                        std::string(kEntry) + " FROM orders WHERE device = ? AND id = ?");
   sqlite::each(
-      one, [&](const SQLite::Statement& row) { found = entry_of(row); }, device, id);
+      find_, [&](const SQLite::Statement& row) { found = entry_of(row); }, device, id);
   return found;
 }
 
-std::vector<KnownId> CommandTable::known_ids(const std::string& device) {
+/// Returns the ids of the rows that meet `condition`, oldest first. Sorts them here: SQLite would
+/// sort many of them in a temporary file, for which a full disk has no room.
+std::vector<KnownId> CommandTable::ids_where(const std::string& condition,
+                                             const std::string& device) {
   std::vector<KnownId> ids;
   const auto take = [&](const SQLite::Statement& row) {
     ids.push_back({std::string(text(row, 0)), std::string(text(row, 1)), from_sql(number(row, 2)),
                    moment(number(row, 3)), moment(number(row, 4)), number(row, 5) != 0});
   };
+  // For one device the primary key limits the search to its rows.
   SQLite::Statement wanted(
-      database_, std::string("SELECT device, id, arrival, received_ms, deadline_ms, refused"
-                             " FROM orders WHERE (result IS NOT '' OR told IS 1) AND ") +
-                     is_of(device) + " ORDER BY arrival, received_ms");
+      database_,
+      "SELECT device, id, arrival, received_ms, deadline_ms, refused FROM orders WHERE (" +
+          condition + ") AND " + (device.empty() ? "?1 = ''" : "device = ?1"));
   sqlite::each(wanted, take, device);
+  std::ranges::stable_sort(ids, {},
+                           [](const KnownId& id) { return std::pair(id.number, id.received_ms); });
   return ids;
+}
+
+std::vector<KnownId> CommandTable::known_ids(const std::string& device) {
+  return ids_where("result IS NOT '' OR told IS 1", device);
 }
 
 std::vector<JournalEntry> CommandTable::unacknowledged(const std::string& device) {
   std::vector<JournalEntry> entries;
-  const auto take = [&](const SQLite::Statement& row) { entries.push_back(entry_of(row)); };
-  SQLite::Statement all(database_,
-                        std::string(kEntry) + " FROM (SELECT *, " + kPlace +
-                            " FROM orders WHERE told IS NOT 1 AND " + is_of(device) +
-                            ") WHERE result = '' OR place <= ?2 ORDER BY arrival, received_ms");
-  sqlite::each(all, take, device, kRememberedIds);
+  std::map<std::string, std::size_t> newer;  // by device
+  for (const KnownId& id : ids_where("told IS NOT 1", device) | std::views::reverse) {
+    auto entry = find(id.device, id.id);
+    const bool is_surplus = ++newer[id.device] > kRememberedIds;
+    if (entry && (entry->result.empty() || !is_surplus)) entries.push_back(*std::move(entry));
+  }
+  std::ranges::reverse(entries);
   return entries;
 }
 

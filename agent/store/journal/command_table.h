@@ -62,6 +62,7 @@ class CommandTable final {
     std::uint64_t refused = 0;
   };
 
+  std::vector<KnownId> ids_where(const std::string& condition, const std::string& device);
   Size measure();
   Size size_of(const std::string& device, const std::string& id);
   void change(const std::string& device, const std::string& id, const std::function<void()>& work);
@@ -70,6 +71,7 @@ class CommandTable final {
   SQLite::Database& database_;
   SQLite::Statement insert_;
   SQLite::Statement record_;
+  SQLite::Statement find_;
   SQLite::Statement acknowledge_;
   SQLite::Statement cost_;          ///< of one row: its bytes, and 1 if it was refused
   SQLite::Statement drop_refused_;  ///< deletes the oldest; returns their bytes

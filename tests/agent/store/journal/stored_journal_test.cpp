@@ -41,6 +41,23 @@ TEST_F(StoredJournalTest, CommandWhoseResultWasPublishedAndLostIsKnownAndOver) {
       std::any_of(ids.begin(), ids.end(), [](const auto& known) { return known.id == "x"; }));
 }
 
+TEST_F(StoredJournalTest, ManyCommandsAreReadWithoutATemporaryFile) {
+  constexpr std::size_t kMany = 20000;
+  constexpr std::size_t kLarge = 60;
+  const std::string long_id(200, 'x');
+  std::vector<JournalEntry> results;
+  for (std::size_t i = 0; i < kMany; ++i)
+    results.push_back(entry(long_id + std::to_string(i), "{}"));
+  for (std::size_t i = 0; i < kLarge; ++i)
+    results.push_back(shelf.arrived(std::to_string(i), std::string(65536, 'x')));
+  shelf.store->journal().record(std::move(results));
+  const DiskLimit full(4096);
+  EXPECT_EQ(shelf.store->journal().known_ids().size(), kMany + kLarge);
+  const auto unacknowledged = shelf.store->journal().unacknowledged();
+  ASSERT_EQ(unacknowledged.size(), kRememberedIds);
+  EXPECT_EQ(unacknowledged.back().id, std::to_string(kLarge - 1));
+}
+
 TEST_F(StoredJournalTest, CommandAndItsPlaceComeBackAsTwoFromOneColumn) {
   for (const std::string place : {"", "0123456789abcdef"})
     for (const std::string payload : {"{\"id\":7}", "{} ", "{}\r\n\t"}) {
