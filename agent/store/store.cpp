@@ -56,7 +56,7 @@ bool await_other_agent(const StoreConfig& config, milliseconds patience) {
 /// Opens a file that was missing at the start or in use by another agent. Reads it before this
 /// run's numbers and commands are in it.
 void Store::open_late() {
-  const bool is_own = disk_.was_open();  // it was set aside as damaged, and a fresh one failed too
+  const bool is_own = disk_.was_open();  // only its lock or log is gone, or it was set aside
   disk_.open();
   if (!is_writable()) return;
   std::vector<JournalEntry> newer = journal_.open_unrecorded_file();

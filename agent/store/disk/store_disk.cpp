@@ -58,6 +58,7 @@ std::string StoreDisk::lock(milliseconds patience) {
   // Two agents with one store would publish and journal each other's data.
   lock_ = std::make_unique<DirectoryLock>(config_.path, patience);
   is_in_use_ = lock_->is_in_use();
+  if (is_in_use_) was_open_ = false;  // the other process may write commands of its own
   why = lock_->fault();
   if (!why.empty()) lock_.reset();
   return why;
@@ -99,10 +100,10 @@ bool StoreDisk::abandon_misplaced() {
                        {"path", config_.path},
                        {"reason", "its files were deleted or replaced while the agent ran"},
                        {"samples_lost", std::to_string(rows())}});
+  // Another file may belong to another run.
+  was_open_ = file_->has_its_name();
   let_go(StorePart::Rows::lost);
   lock_.reset();
-  // The files there now may belong to another run.
-  was_open_ = false;
   return true;
 }
 

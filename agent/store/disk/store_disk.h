@@ -117,7 +117,8 @@ class StoreDisk final {
   const std::string& last_failure() const { return last_failure_; }
   /// True if the last lock() or open() failed because another process uses the directory.
   bool is_in_use() const { return is_in_use_; }
-  /// True if a file has opened in this run and was not abandoned since.
+  /// True if this run has opened the file, or one whose place it takes. False after another process
+  /// has used the directory, or has put another file there.
   bool was_open() const { return was_open_; }
   /// Call only while is_open().
   SQLite::Database& database() { return file_->db; }

@@ -256,7 +256,7 @@ void StoreFile::synchronise(bool full) {
 }
 
 bool StoreFile::is_in_place() const {
-  return file_ && log_ && identity_of(path_) == file_ && identity_of(path_ + "-wal") == log_;
+  return has_its_name() && log_ && identity_of(path_ + "-wal") == log_;
 }
 
 std::optional<sqlite::Fault> StoreFile::why_not_writable() {

@@ -143,8 +143,10 @@ class StoreFile final {
   /// Writes and deletes a row of 64 KiB. Returns the fault, or nullopt if the file accepts writes.
   std::optional<sqlite::Fault> why_not_writable();
 
-  /// True if the file and its WAL are still those that were opened. A deleted file still accepts
-  /// writes, but no later run finds them.
+  /// True if the file is still the one that was opened. A deleted file still accepts writes, but no
+  /// later run finds them.
+  bool has_its_name() const { return file_ && identity_of(path_) == file_; }
+  /// True if the file and its WAL are.
   bool is_in_place() const;
 
   SQLite::Database db;

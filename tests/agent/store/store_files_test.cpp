@@ -74,6 +74,16 @@ TEST_F(StoreFiles, LockThatWasDeletedIsTakenAnew) {
   EXPECT_THROW(Store(config, kNow), std::runtime_error);
 }
 
+TEST_F(StoreFiles, LockThatWasDeletedDoesNotInterruptCommands) {
+  open_with_rows();
+  ASSERT_TRUE(journal(arrived("pending")));
+  record(arrived("unacknowledged", "{}"));
+  fs::remove(in_store("fxagent.lock"));
+  a_minute_later();
+  ASSERT_EQ(store->state(), "disk");
+  EXPECT_FALSE(store->take_found_late());
+}
+
 TEST_F(StoreFiles, WhatIsFoundInAReplacedDirectoryIsTaken) {
   open();
   ASSERT_TRUE(add(rows(1, 7)));
