@@ -4,6 +4,7 @@
 #include <chrono>
 #include <map>
 #include <string_view>
+#include <tuple>
 #include <utility>
 
 namespace fxagent {
@@ -22,6 +23,10 @@ JournalEntry acknowledged(JournalEntry entry, const std::string& total_ms) {
     entry.result.replace(at + kTotal.size(), 4, total_ms);
   return entry;
 }
+
+using CommandKey = std::tuple<std::string, std::string, std::uint64_t>;  // device, id, number
+
+CommandKey key_of(const JournalEntry& entry) { return {entry.device, entry.id, entry.number}; }
 
 /// Returns the `total_ms` of a result; empty if it has none.
 std::string total_ms_in(const std::string& result) {
@@ -119,18 +124,18 @@ std::vector<JournalEntry> StoredJournal::unacknowledged(const std::string& devic
 
 std::vector<JournalEntry> StoredJournal::unwritten() {
   std::vector<JournalEntry> entries;
-  std::map<std::pair<std::string, std::string>, std::string> total_ms;  // by device and id
+  std::map<CommandKey, std::string> total_ms;
   for (const Acknowledgement& each : to_acknowledge_)
-    total_ms[{each.device, each.id}] = each.total_ms;
+    total_ms[{each.device, each.id, each.number}] = each.total_ms;
   for (const JournalEntry& entry : waiting_) {
     JournalEntry& added = entries.emplace_back(entry);
-    if (const auto known = total_ms.extract({entry.device, entry.id}))
+    if (const auto known = total_ms.extract(key_of(entry)))
       added = acknowledged(std::move(added), known.mapped());
     if (added.result.empty() && started_.surely_not_sent(added.number))
       added.surely_not_sent = true;
   }
   for (const auto& [key, time] : total_ms)
-    if (auto entry = find(key.first, key.second))
+    if (auto entry = find(std::get<0>(key), std::get<1>(key)); entry && key_of(*entry) == key)
       entries.push_back(acknowledged(*std::move(entry), time));
   return entries;
 }

@@ -97,6 +97,18 @@ TEST_F(StoredJournalTest, UnwrittenIsEveryEntryOfWhichTheDiskHasRefusedAPart) {
   EXPECT_TRUE(journal.unwritten().empty());
 }
 
+TEST_F(StoredJournalTest, AcknowledgementOfAnEarlierCommandWithTheSameIdIsNotThatOfTheLater) {
+  StoredJournal& journal = shelf.store->journal();
+  const JournalEntry early = shelf.arrived("x", "{1}");
+  shelf.record(early);
+  shelf.store->upkeep(kStart, kNow);
+  const DiskLimit full(1000);
+  EXPECT_FALSE(shelf.journal(shelf.arrived("x")));
+  journal.acknowledge("a", "x", early.number);
+  ASSERT_EQ(journal.unwritten().size(), 1U);
+  EXPECT_FALSE(journal.unwritten().at(0).acknowledged);
+}
+
 TEST_F(StoredJournalTest, CommandIsInTheFreshFileThatTookThePlaceOfADamagedOne) {
   JournalEntry early = entry("early");
   early.audit = R"({"early":1})";
