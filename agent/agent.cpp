@@ -232,7 +232,7 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
   if (guarded) {
     const auto now = std::chrono::steady_clock::now();
     if (pair) take_over(claimed.unwritten, *store);
-    const auto newer = pair ? claimed.unwritten : store->journal().unwritten();
+    const auto newer = std::exchange(claimed.unwritten, {});
     commands.restore(recover(config, guarded->journal(), utc_now_ms(), now, newer), now,
                      utc_now_ms());
   }

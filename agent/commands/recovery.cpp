@@ -88,7 +88,14 @@ Recovered recover(const Config& config, CommandJournal& journal, std::int64_t ut
                   SteadyTime now, const std::vector<JournalEntry>& newer) {
   std::vector<KnownId> ids = journal.known_ids({});
   std::vector<JournalEntry> unacknowledged = journal.unacknowledged({});
-  return recover(config, journal, std::move(ids), std::move(unacknowledged), utc_ms, now, newer);
+  for (const JournalEntry& entry : newer) {
+    ids.push_back(entry);
+    std::erase_if(unacknowledged, [&](const JournalEntry& other) {
+      return other.device == entry.device && other.id == entry.id;
+    });
+    if (!entry.acknowledged) unacknowledged.push_back(entry);
+  }
+  return recover(config, journal, std::move(ids), std::move(unacknowledged), utc_ms, now);
 }
 
 std::optional<Recovered> recover_of(const std::vector<std::string>& devices, const Config& config,
@@ -118,15 +125,7 @@ Recovered recover_unanswered(const Config& config, CommandJournal& journal, Jour
 }
 
 Recovered recover(const Config& config, CommandJournal& journal, std::vector<KnownId> ids,
-                  std::vector<JournalEntry> unacknowledged, std::int64_t utc_ms, SteadyTime now,
-                  const std::vector<JournalEntry>& newer) {
-  for (const JournalEntry& entry : newer) {
-    ids.push_back(entry);
-    std::erase_if(unacknowledged, [&](const JournalEntry& other) {
-      return other.device == entry.device && other.id == entry.id;
-    });
-    if (!entry.acknowledged) unacknowledged.push_back(entry);
-  }
+                  std::vector<JournalEntry> unacknowledged, std::int64_t utc_ms, SteadyTime now) {
   std::map<std::string, std::uint32_t> index;
   for (std::uint32_t i = 0; i < config.devices.size(); ++i)
     if (!config.devices[i].is_vacant()) index.emplace(config.devices[i].name, i);

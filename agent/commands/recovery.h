@@ -30,8 +30,8 @@ struct Recovered {
   std::vector<InterruptedWrite> interrupted;
 };
 
-/// Call before the field and the uplink start. Each entry in `newer` replaces that of the same
-/// device and id in the journal, whose disk may have refused it.
+/// Call before the field and the uplink start. Each entry in `newer`, from the standby of a pair,
+/// replaces that of the same device and id in the journal.
 Recovered recover(const Config& config, CommandJournal& journal, std::int64_t utc_ms,
                   SteadyTime now, const std::vector<JournalEntry>& newer = {});
 /// Same for these devices only, which are new to this run. Returns nullopt if the journal cannot be
@@ -44,7 +44,6 @@ Recovered recover_unanswered(const Config& config, CommandJournal& journal, Jour
                              const std::string& topic, std::int64_t utc_ms, SteadyTime now);
 /// Same for the contents of a journal that opened later.
 Recovered recover(const Config& config, CommandJournal& journal, std::vector<KnownId> ids,
-                  std::vector<JournalEntry> unacknowledged, std::int64_t utc_ms, SteadyTime now,
-                  const std::vector<JournalEntry>& newer = {});
+                  std::vector<JournalEntry> unacknowledged, std::int64_t utc_ms, SteadyTime now);
 
 }  // namespace fxagent

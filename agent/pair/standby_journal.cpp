@@ -66,8 +66,6 @@ void StandbyJournal::keep_heard(const StoreConfig& config) {
 
 StandbyJournal::StandbyJournal(const StoreConfig& config) : store_(config, utc_now_ms()) {
   for (const JournalEntry& entry : store_.journal().unacknowledged({})) own_.insert(entry.number);
-  for (const JournalEntry& entry : store_.journal().unwritten())
-    if (!entry.acknowledged) own_.insert(entry.number);
   keep_heard(config);
 }
 

@@ -1,6 +1,7 @@
 #include "agent/store/store.h"
 
 #include <algorithm>
+#include <iterator>
 #include <stdexcept>
 
 #include "agent/log/log.h"
@@ -32,8 +33,8 @@ Store::Store(const StoreConfig& config, std::int64_t utc_ms)
   disk_.open();
   samples_.begin_run();
   if (!disk_.is_open()) audit_.count_from(static_cast<std::uint64_t>(utc_ms));
-  if (disk_.is_locked()) journal_.open_unrecorded_file();
   if (disk_.is_locked() && !disk_.is_open()) journal_.read_earlier_runs();
+  if (disk_.is_locked()) journal_.open_unrecorded_file();
   journal_.begin_run(audit_.last_command_number() + 1);
   started_.begin_run(audit_.last_command_number() + 1);
   if (disk_.is_locked()) started_.go_on();
@@ -59,22 +60,31 @@ void Store::open_late() {
   const bool is_own = disk_.was_open();  // only its lock or log is gone, or it was set aside
   disk_.open();
   if (!is_writable()) return;
-  std::vector<JournalEntry> newer = journal_.open_unrecorded_file();
+  if (!is_own) found_late_.reset();
+  find_unrecorded();
   started_.begin_anew(audit_.last_command_number() + 1);
   if (is_own) return;
   samples_.begin_run();
   // If the clock started in the past, commands of this run have lower numbers than earlier ones.
   journal_.age_earlier_runs();
   find_commands();
-  found_late_->newer = std::move(newer);
   if (disk_.is_open()) found_late_->numbers = numbers_.above_ours();  // closed if damaged
 }
 
 void Store::find_commands() {
   disk_.move_stored_times();  // otherwise ids from before the clock was set seem old
   if (!found_late_) found_late_.emplace();
-  found_late_->ids = journal_.known_ids();
-  found_late_->unacknowledged = journal_.unacknowledged();
+  std::ranges::move(journal_.known_ids(), std::back_inserter(found_late_->ids));
+  std::ranges::move(journal_.unacknowledged_in_file(),
+                    std::back_inserter(found_late_->unacknowledged));
+}
+
+void Store::find_unrecorded() {
+  for (JournalEntry& entry : journal_.open_unrecorded_file()) {
+    if (!found_late_) found_late_.emplace();
+    found_late_->ids.push_back(entry);
+    if (!entry.acknowledged) found_late_->unacknowledged.push_back(std::move(entry));
+  }
 }
 
 /// An open file that has lost its name accepts writes, but no later run finds them.
@@ -130,7 +140,7 @@ void Store::upkeep(SteadyTime now, std::int64_t utc_ms) {
   if (is_clean_up_due) {
     clean_up_at_ = now + kCleanUpEvery;
     look_for_the_files();
-    journal_.open_unrecorded_file();  // it was deleted, or there is room for it now
+    find_unrecorded();  // the file was deleted or replaced, or there is room for it now
     samples_.drop_old();
     journal_.drop_old();
   }

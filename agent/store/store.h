@@ -75,12 +75,11 @@ class Store final {
   /// numbers used. While the disk refuses writes, only brings UnrecordedFile up to date.
   void close();
 
-  /// Left by earlier runs in a file that could not be opened, or whose commands could not be read,
-  /// at the start of this one.
+  /// Left by earlier runs in a database or UnrecordedFile that could not be opened, or whose
+  /// commands could not be read, at the start of this one.
   struct FoundLate {
-    std::vector<KnownId> ids;                      ///< from known_ids()
-    std::vector<JournalEntry> unacknowledged;      ///< from unacknowledged()
-    std::vector<JournalEntry> newer;               ///< from open_unrecorded_file()
+    std::vector<KnownId> ids;
+    std::vector<JournalEntry> unacknowledged;
     std::map<std::string, std::uint64_t> numbers;  ///< by device, if above this run's
   };
   /// Returns it once after such a file was read. Until then none of its ids were known.
@@ -91,6 +90,7 @@ class Store final {
   bool try_the_disk(SteadyTime now);
   void open_late();
   void find_commands();
+  void find_unrecorded();
   void look_for_the_files();
 
   const StoreConfig config_;

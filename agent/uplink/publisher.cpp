@@ -125,7 +125,7 @@ void Publisher::take_found_late(SteadyTime now) {
   auto late = store_ == nullptr || is_changing_ ? std::nullopt : store_->take_found_late();
   if (!late) return;
   Recovered known = recover(config_, store_->journal(), std::move(late->ids),
-                            std::move(late->unacknowledged), utc_ms_(), now, late->newer);
+                            std::move(late->unacknowledged), utc_ms_(), now);
   commands_.restore(std::move(known), now, utc_ms_());
   std::vector<std::uint64_t> numbers;  // 0: not above this run's
   for (const DeviceConfig& device : std::as_const(config_).devices)

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <map>
+#include <set>
 #include <string_view>
 #include <tuple>
 #include <utility>
@@ -108,21 +109,35 @@ void StoredJournal::read(const std::string& device, const StoreDisk::Work& work)
 }
 
 std::vector<KnownId> StoredJournal::known_ids(const std::string& device) {
-  if (earlier_) return earlier_->known_ids(device);
   std::vector<KnownId> ids;
-  read(device, [&] { ids = table_->known_ids(device); });
+  if (earlier_)
+    ids = earlier_->known_ids(device);
+  else
+    read(device, [&] { ids = table_->known_ids(device); });
+  for (const JournalEntry& entry : unwritten(device))
+    if (entry.acknowledged || !entry.result.empty()) ids.push_back(entry);
   return ids;
 }
 
 std::vector<JournalEntry> StoredJournal::unacknowledged(const std::string& device) {
+  std::vector<JournalEntry> entries = unacknowledged_in_file(device);
+  for (JournalEntry& entry : unwritten(device))
+    if (!entry.acknowledged) entries.push_back(std::move(entry));
+  return entries;
+}
+
+std::vector<JournalEntry> StoredJournal::unacknowledged_in_file(const std::string& device) {
   std::vector<JournalEntry> entries;
   read(device, [&] { entries = table_->unacknowledged(device); });
+  std::set<CommandKey> newer;
+  for (const JournalEntry& entry : unwritten(device)) newer.insert(key_of(entry));
+  std::erase_if(entries, [&](const JournalEntry& entry) { return newer.contains(key_of(entry)); });
   for (JournalEntry& entry : entries)
     entry.surely_not_sent = entry.result.empty() && started_.surely_not_sent(entry.number);
   return entries;
 }
 
-std::vector<JournalEntry> StoredJournal::unwritten() {
+std::vector<JournalEntry> StoredJournal::unwritten(const std::string& device) {
   std::vector<JournalEntry> entries;
   std::map<CommandKey, std::string> total_ms;
   for (const Acknowledgement& each : to_acknowledge_)
@@ -137,6 +152,8 @@ std::vector<JournalEntry> StoredJournal::unwritten() {
   for (const auto& [key, time] : total_ms)
     if (auto entry = find(std::get<0>(key), std::get<1>(key)); entry && key_of(*entry) == key)
       entries.push_back(acknowledged(*std::move(entry), time));
+  if (!device.empty())
+    std::erase_if(entries, [&](const JournalEntry& entry) { return entry.device != device; });
   return entries;
 }
 

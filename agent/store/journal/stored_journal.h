@@ -43,6 +43,8 @@ class StoredJournal final : public CommandJournal, public StorePart {
   std::optional<JournalEntry> find(const std::string& device, const std::string& id) override;
   std::vector<KnownId> known_ids(const std::string& device = {}) override;
   std::vector<JournalEntry> unacknowledged(const std::string& device = {}) override;
+  /// Same, without the entries that unwritten() has.
+  std::vector<JournalEntry> unacknowledged_in_file(const std::string& device = {});
   bool was_read() const override { return was_read_; }
   /// True if a call without a device has failed, but the file is not damaged. Until take_unread(),
   /// every such read returns nothing, also for one device. Call them again when the disk is
@@ -54,12 +56,13 @@ class StoredJournal final : public CommandJournal, public StorePart {
   std::uint64_t bytes_in_commit() const { return table_ ? table_->bytes_in_commit() : 0; }
   /// Commands and results that are not in the file yet.
   std::size_t unrecorded() const { return waiting_.size(); }
-  /// Returns every entry of which the disk has refused a part, as it stands in memory.
-  std::vector<JournalEntry> unwritten();
+  /// Returns every entry of which the disk has refused a part, as it stands in memory. Empty
+  /// `device`: of all devices.
+  std::vector<JournalEntry> unwritten(const std::string& device = {});
 
-  /// Call if the database did not open at the start, while the directory is locked. Until load(),
-  /// known_ids() has the ids of earlier runs, also of commands without a result; unacknowledged()
-  /// has none of them.
+  /// Call if the database did not open at the start, while the directory is locked, before
+  /// open_unrecorded_file(). Until load(), known_ids() also has the ids in the database, even of
+  /// commands without a result; unacknowledged() has none of them.
   void read_earlier_runs() { earlier_.emplace(config_.path); }
 
   /// Opens or makes UnrecordedFile, unless it is open. Returns the entries of an earlier run in it

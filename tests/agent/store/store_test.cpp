@@ -136,7 +136,7 @@ TEST(Store, CommandsThatCouldNotBeReadAtTheStartAreFoundLater) {
   EXPECT_FALSE(shelf.store->take_found_late());
   EXPECT_FALSE(shelf.journal(shelf.arrived("of this run")));
   disk.set_failing(false);
-  EXPECT_TRUE(shelf.store->journal().unacknowledged().empty()) << "until it is read again";
+  EXPECT_TRUE(shelf.store->journal().unacknowledged_in_file().empty()) << "until it is read again";
   shelf.store->upkeep(kStart + 20s, kNow);
   EXPECT_EQ(shelf.store->state(), "disk");
   const auto late = shelf.store->take_found_late();

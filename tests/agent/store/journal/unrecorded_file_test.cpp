@@ -234,6 +234,27 @@ struct UnrecordedStoreTest : ::testing::Test {
     shelf.store->upkeep(kStart + Store::kTryAgain, utc_ms);
   }
   void write() { shelf.store->upkeep(kStart, kNow + 1000); }
+  /// Kills the agent and starts it again on a disk that lets it only read the database, while
+  /// UnrecordedFile is as it was at `path`.
+  void start_to_read_only(const std::string& path) {
+    full.reset();
+    shelf.store.reset();
+    fs::copy_file(path, shelf.file() + ".unrecorded", fs::copy_options::overwrite_existing);
+    full.emplace(4096);
+    shelf.open(kNow + 1000);
+    EXPECT_EQ(shelf.store->state(), "memory");
+  }
+  /// Gives the disk its room back. Returns the ids that the store has found late, unacknowledged.
+  std::set<std::string> found_late() {
+    full.reset();
+    shelf.store->upkeep(kStart, kNow + 1000);
+    shelf.store->upkeep(kStart + Store::kTryAgain, kNow + 11000);
+    EXPECT_EQ(shelf.store->state(), "disk");
+    std::set<std::string> ids;
+    if (const auto late = shelf.store->take_found_late())
+      for (const JournalEntry& each : late->unacknowledged) ids.insert(each.id);
+    return ids;
+  }
   std::set<std::string> known() {
     std::set<std::string> ids;
     for (const KnownId& each : shelf.store->journal().known_ids()) ids.insert(each.id);
@@ -353,11 +374,74 @@ TEST_F(UnrecordedStoreTest, CommandIsKnownWhileTheDatabaseDoesNotOpen) {
   EXPECT_EQ(shelf.store->state(), "memory");
   EXPECT_EQ(journal.unwritten().at(0).id, "x");
   other.reset();
-  shelf.store->upkeep(kStart, kNow);
-  shelf.store->upkeep(kStart + Store::kTryAgain, kNow);
-  ASSERT_EQ(shelf.store->state(), "disk");
-  EXPECT_TRUE(shelf.store->take_found_late()->newer.empty()) << "it was known before";
+  EXPECT_EQ(found_late(), (Ids{"journaled", "large"})) << "x was known before";
   EXPECT_EQ(unacknowledged(), (Ids{"journaled", "large", "x"}));
+}
+
+TEST_F(UnrecordedStoreTest, OlderEntryIsNotTakenWhileTheDatabaseIsOnlyRead) {
+  const JournalEntry command = refused("x");
+  const std::string older = shelf.scratch.path("older");
+  fs::copy_file(shelf.file() + ".unrecorded", older);
+  full.reset();
+  answer(command);
+  acknowledge(command);
+  shelf.store->upkeep(kStart + Store::kTryAgain + std::chrono::seconds(1), kNow);
+  ASSERT_EQ(shelf.store->state(), "disk");
+  start_to_read_only(older);
+  EXPECT_TRUE(shelf.store->journal().unwritten().empty());
+  EXPECT_TRUE(known().contains("x"));
+  EXPECT_EQ(found_late(), (Ids{"journaled", "large"}));
+}
+
+TEST_F(UnrecordedStoreTest, AcknowledgedResultIsNotFoundLate) {
+  full.reset();
+  answer(journaled);
+  shelf.store->upkeep(kStart, kNow);
+  full.emplace(kSize);
+  shelf.store->journal().acknowledge("a", "journaled", journaled.number);
+  shelf.store->close();
+  const std::string kept = shelf.scratch.path("kept");
+  fs::copy_file(shelf.file() + ".unrecorded", kept);
+  start_to_read_only(kept);
+  EXPECT_TRUE(shelf.store->journal().unwritten().at(0).acknowledged);
+  EXPECT_EQ(found_late(), Ids{"large"});
+}
+
+TEST_F(UnrecordedStoreTest, DeviceThatJoinsKnowsWhatTheDatabaseDoesNotHaveYet) {
+  answer(journaled);
+  acknowledge(journaled);
+  refused("x");
+  StoredJournal& journal = start_again();
+  const auto known = journal.known_ids("a");
+  ASSERT_EQ(known.size(), 1U);
+  EXPECT_EQ(known[0].id, "journaled");
+  EXPECT_TRUE(journal.known_ids("b").empty());
+  const auto unacknowledged = journal.unacknowledged("a");
+  ASSERT_EQ(unacknowledged.size(), 2U);
+  EXPECT_EQ(unacknowledged[0].id, "large");
+  EXPECT_EQ(unacknowledged[1].id, "x");
+  EXPECT_TRUE(journal.unacknowledged("b").empty());
+}
+
+TEST_F(UnrecordedStoreTest, FileThatComesLateBringsItsCommands) {
+  start_again();
+  shelf.store->upkeep(kStart, kNow);
+  const std::string other = shelf.scratch.path("other");
+  fs::create_directory(other);
+  UnrecordedFile late(other);
+  late.open();
+  JournalEntry over = entry("over", "{1}");
+  over.acknowledged = true;
+  over.number = 1000;
+  late.keep(over);
+  late.keep(entry("left"));
+  fs::rename(other + "/fxagent.db.unrecorded", shelf.file() + ".unrecorded");
+  shelf.store->upkeep(kStart + std::chrono::minutes(1), kNow + 60000);
+  const auto found = shelf.store->take_found_late();
+  ASSERT_TRUE(found);
+  EXPECT_EQ(found->ids.size(), 2U);
+  ASSERT_EQ(found->unacknowledged.size(), 1U);
+  EXPECT_EQ(found->unacknowledged[0].id, "left");
 }
 
 TEST_F(UnrecordedStoreTest, DirectoryThatComesLateBringsItsCommands) {
@@ -366,10 +450,7 @@ TEST_F(UnrecordedStoreTest, DirectoryThatComesLateBringsItsCommands) {
   shelf.unmount();
   shelf.open(kNow + 1000);
   mount_late(kNow + 1000);
-  const auto late = shelf.store->take_found_late();
-  ASSERT_TRUE(late);
-  ASSERT_EQ(late->newer.size(), 1U);
-  EXPECT_EQ(late->newer[0].id, "x");
+  EXPECT_EQ(found_late(), (Ids{"journaled", "large", "x"}));
 }
 
 TEST_F(UnrecordedStoreTest, CommandThatExpiredKeepsItsResult) {
