@@ -9,12 +9,12 @@
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <system_error>
 
 #include "agent/log/log.h"
 #include "agent/store/disk/store_file.h"
+#include "agent/text/json.h"
 #include "agent/text/sha256.h"
 
 namespace fxagent {
@@ -47,8 +47,10 @@ std::string content_of(const JournalEntry& entry) {
 std::string fitting_content_of(JournalEntry entry) {
   std::string content = content_of(entry);
   if (content.size() > kMostContent) {
+    // The result that the next start makes repeats the id as a number, if it was one.
+    const json id = member(parsed_json(entry.result.empty() ? entry.payload : entry.result), "id");
+    entry.payload = id.is_number() ? R"({"id":)" + entry.id + "}" : "";
     entry.result.clear();
-    entry.payload.clear();
     content = content_of(entry);
   }
   if (content.size() > kMostContent) {

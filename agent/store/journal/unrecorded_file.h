@@ -35,7 +35,8 @@ class UnrecordedFile final {
   /// writable. Call only while no other process uses the directory.
   static std::vector<JournalEntry> entries_in(const std::string& directory);
   /// Writes an entry in place of an earlier one with its device and id. If it is too large, omits
-  /// result and payload, then the response topic. Does nothing without a file.
+  /// the result, and the payload except an id that is a number, then the response topic. Does
+  /// nothing without a file.
   void keep(const JournalEntry& entry);
   /// Synchronises the entries with the disk: they survive a power cut, too.
   void synchronise();

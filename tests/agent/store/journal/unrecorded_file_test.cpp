@@ -7,6 +7,7 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "tests/agent/store/power_cut.h"
@@ -73,6 +74,20 @@ TEST_F(UnrecordedFileOpen, LargeEntryKeepsItsId) {
   file.keep(made);
   EXPECT_EQ(left().at(0).id, "x");
   EXPECT_EQ(left().at(0).response_topic, "");
+}
+
+TEST_F(UnrecordedFileOpen, LargeEntryKeepsItsIdANumber) {
+  const std::string rest = ",\"detail\":\"" + std::string(1000, 'x') + "\"}";
+  JournalEntry made = entry("4711");
+  made.payload = "{\"id\":4711" + rest;
+  file.keep(made);
+  EXPECT_EQ(left().at(0).payload, "{\"id\":4711}");
+  made.result = std::exchange(made.payload, {});
+  file.keep(made);
+  EXPECT_EQ(left().at(0).payload, "{\"id\":4711}");
+  made.result = "{\"id\":\"4711\"" + rest;
+  file.keep(made);
+  EXPECT_EQ(left().at(0).payload, "");
 }
 
 TEST_F(UnrecordedFileOpen, CommandHasOnePlaceAndTheNextStartGoesOn) {
