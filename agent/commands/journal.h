@@ -9,6 +9,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -25,6 +26,19 @@ inline constexpr std::size_t kFingerprints = 200000;
 inline constexpr std::chrono::hours kRememberedFor{24};
 /// The year 2200. A later time of a command is damage.
 inline constexpr std::int64_t kLatestMs = 7258118400000;
+
+/// Stands in the text of a result until its total_ms is known. Inside a string its quotes would be
+/// escaped.
+inline constexpr std::string_view kNoTotal = R"("total_ms":null)";
+inline constexpr std::string_view kTotalKey = kNoTotal.substr(0, kNoTotal.size() - 4);
+
+/// Fills in the total_ms of a result that has none. Empty `total_ms`: not known.
+inline std::string with_total(std::string result, std::string_view total_ms) {
+  // In a DUPLICATE, the one in `first` comes before.
+  const auto found = result.rfind(kNoTotal);
+  if (found == std::string::npos || total_ms.empty()) return result;
+  return result.replace(found + kTotalKey.size(), 4, total_ms);
+}
 
 /// What is remembered of the id of a command.
 struct KnownId {

@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "agent/commands/journal.h"
 #include "agent/text/json.h"
 #include "agent/text/json_writer.h"
 
@@ -230,12 +231,7 @@ std::string total_text(std::chrono::nanoseconds total) {
 }
 
 std::string with_total(std::string text, std::chrono::nanoseconds total) {
-  // Inside a string its quotes would be escaped. In a DUPLICATE, the one in `first` comes before.
-  constexpr std::string_view kOpen = R"("total_ms":null)";
-  const auto found = text.rfind(kOpen);
-  if (found == std::string::npos) return text;
-  const std::string_view null = "null";
-  return text.replace(found + kOpen.size() - null.size(), null.size(), total_text(total));
+  return with_total(std::move(text), total_text(total));
 }
 
 CommandResult recorded_result(std::string text) {

@@ -89,10 +89,8 @@ CommandTable::CommandTable(SQLite::Database& database)
       record_(database, kRecord),
       find_(database, kFind),
       acknowledge_(database,
-                   // Matches the key only: inside a string of the result its quotes would be
-                   // escaped.
                    "UPDATE orders SET told = 1, response_topic = '', correlation = x'',"
-                   " result = replace(result, '\"total_ms\":null', '\"total_ms\":' || ?)"
+                   " result = replace(result, ?, ?)"
                    " WHERE device = ? AND id = ? AND arrival = ?"),
       cost_(database,
             std::string("SELECT ") + kCost + ", refused FROM orders WHERE device = ? AND id = ?"),
@@ -167,7 +165,8 @@ void CommandTable::make_room_for_refused() {
 void CommandTable::acknowledge(const std::string& device, const std::string& id,
                                std::uint64_t command_number, const std::string& total_ms) {
   change(device, id, [&] {
-    sqlite::run(acknowledge_, total_ms.empty() ? "null" : total_ms, device, id, command_number);
+    const std::string unknown(kNoTotal);
+    sqlite::run(acknowledge_, unknown, with_total(unknown, total_ms), device, id, command_number);
   });
 }
 

@@ -14,14 +14,10 @@ namespace {
 // Commands may take 1 / kShareOfJournal of max_bytes; samples have at least the rest.
 constexpr std::uint64_t kShareOfJournal = 2;
 
-constexpr std::string_view kTotal = "\"total_ms\":";
-
 /// Returns the entry with what an acknowledgement changes, as CommandTable::acknowledge().
 JournalEntry acknowledged(JournalEntry entry, const std::string& total_ms) {
   entry.acknowledged = true;
-  const std::string unknown = std::string(kTotal) + "null";
-  if (const auto at = entry.result.find(unknown); at != std::string::npos && !total_ms.empty())
-    entry.result.replace(at + kTotal.size(), 4, total_ms);
+  entry.result = with_total(std::move(entry.result), total_ms);
   return entry;
 }
 
@@ -31,9 +27,9 @@ CommandKey key_of(const JournalEntry& entry) { return {entry.device, entry.id, e
 
 /// Returns the `total_ms` of a result; empty if it has none.
 std::string total_ms_in(const std::string& result) {
-  const auto at = result.find(kTotal);
+  const auto at = result.rfind(kTotalKey);
   if (at == std::string::npos) return {};
-  const auto begin = at + kTotal.size();
+  const auto begin = at + kTotalKey.size();
   return result.substr(begin, result.find_first_of(",}", begin) - begin);
 }
 
