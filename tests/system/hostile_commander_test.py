@@ -1,6 +1,7 @@
 """A hostile client that sends commands: floods, and commands of maximum size. It must not delay other clients or fill
 the memory."""
 
+import asyncio
 import json
 import socket
 import struct
@@ -10,6 +11,7 @@ import threading
 import time
 import unittest
 
+import relays
 from plant import BASE, PATIENCE, PlantTest, memory_kib, wait_for
 from mqtt_packets import CONNECT, PUBLISH, length, packet, text
 
@@ -55,6 +57,15 @@ class Publisher(threading.Thread):
 
     def close(self):
         self.socket.close()
+
+
+class SlowLine(relays.Relay):
+    """Carries 300 kB a second from the broker to the agent: acknowledgements come late, behind messages."""
+
+    async def carry(self, up, down):
+        async def pace(data):
+            await asyncio.sleep(len(data) / 300000)
+        await relays.until_one_ends(relays.forward(*up), relays.forward(*down, pace))
 
 
 class HostileCommander(PlantTest):
@@ -142,6 +153,25 @@ class HostileCommander(PlantTest):
         self.begin()
         waits = self.flood_beside_another(1, 10, 45000, 64)
         self.assertLessEqual(max(waits), 5)
+
+    def test_burst_that_the_broker_queues_whole_has_one_result_each(self):
+        self.start_around(broker_conf="max_queued_messages 0")
+        loop = relays.Loop()
+        self.stack.callback(loop.close)
+        line = SlowLine(loop, self.broker.port)
+        line.listen()
+        self.start_agent(mqtt_config={"servers": [f"mqtt://127.0.0.1:{line.port}"]}, store=self.store_section())
+        self.ready()
+        since = self.watcher.mark()
+        burst = [f"b{n}" for n in range(3000)]
+        hostile = Publisher(self.broker.port)
+        hostile.socket.sendall(b"".join(
+            hostile.publish(f"{BASE}/press1/command", b'{"id":"%s","op":"write","address":"D300","value":%d}' % (
+                identity.encode(), n), 1, n + 1) for n, identity in enumerate(burst)))
+        results = self.watcher.wait_count(f"{BASE}/press1/result", len(burst), since=since)
+        hostile.close()
+        self.assertEqual(sorted(r["id"] for r in results), sorted(burst))
+        self.assertNotIn("broker_sends_too_far_ahead", self.agent.logged())
 
     def test_flood_where_mqtt_has_no_receive_maximum_fills_no_memory(self):
         self.begin(version="3.1.1")

@@ -101,7 +101,9 @@ void Session::reconnect_with_one_in_flight(SteadyTime now) {
   log::warn(
       "broker_sends_too_far_ahead",
       {{"server", server()},
-       {"note", "PUBACKs arrive late, after messages; connecting again with Receive Maximum 1"}});
+       {"note",
+        "too many results wait for PUBACKs; connecting again with Receive Maximum 1. The broker "
+        "drops the commands that it has queued"}});
   receive_maximum_ = 1;
   broker_.disconnect(will_);
   broker_.hold_messages(true);  // unread messages end with the session

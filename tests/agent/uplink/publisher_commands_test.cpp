@@ -733,21 +733,29 @@ TEST_F(PublisherFloodOnlineTest, WaitingResultsHoldMessagesBackAndLetSomeInForWh
   EXPECT_EQ(bench.broker.on(kBase + "/press1/result").size(), 1000U) << "none is dropped";
 }
 
-/// Results are pending while messages are held back. Delivers this many messages before the next
-/// result is acknowledged.
-void acknowledge_behind(Bench& bench, std::size_t messages,
-                        const Message& each = message(0, R"({"id":"x","op":"run"})")) {
+// mosquitto 2.0.11 sends its whole queue ahead once it has queued anything.
+TEST_F(PublisherFloodTest, BrokerThatSendsFarAheadKeepsItsConnectionWhileResultsHaveRoom) {
   bench.settle();
   flood(bench, 1000);
-  bench.broker.acknowledge_all();
-  bench.step();
   ASSERT_TRUE(bench.broker.held);
-  for (std::size_t i = 0; i < messages; ++i) bench.broker.send(each);
-  bench.step();
+  send_runs(bench, 1500);
+  bench.settle();
+  EXPECT_TRUE(bench.broker.up());
+  bench.broker.acknowledges = true;
+  bench.acknowledge_all();
+  EXPECT_EQ(bench.broker.connects.size(), 1U);
+  EXPECT_EQ(bench.broker.on(kBase + "/press1/result").size(), 2500U) << "one for each command";
 }
 
-TEST_F(PublisherFloodTest, BrokerThatSendsFarAheadIsAskedForOneAtATime) {
-  acknowledge_behind(bench, 1000);
+/// The broker acknowledges nothing, and results fill more than half of their room.
+void pile_up(Bench& bench) {
+  bench.settings.result_bytes = 1'000'000;
+  bench.settle();
+  flood(bench, 1000);
+}
+
+TEST_F(PublisherFloodTest, BrokerForWhichResultsPileUpIsAskedForOneMessageAtATime) {
+  pile_up(bench);
   EXPECT_EQ(bench.broker.disconnects, 1);
   ASSERT_EQ(bench.broker.connects.size(), 1U) << "what was read is taken first";
   bench.broker.acknowledges = true;
@@ -760,21 +768,21 @@ TEST_F(PublisherFloodTest, BrokerThatSendsFarAheadIsAskedForOneAtATime) {
   std::set<std::string> told;
   for (const Publication& taken : bench.broker.taken)
     if (taken.topic == kBase + "/press1/result") told.insert(json::parse(taken.payload)["id"]);
-  EXPECT_EQ(told.size(), 1002U) << "no result is lost with the connection";
-  EXPECT_TRUE(told.contains("x"));
+  EXPECT_EQ(told.size(), 1001U) << "no result is lost with the connection";
   EXPECT_TRUE(told.contains("read meanwhile"));
 }
 
 TEST_F(PublisherFloodTest, OneMessageAtATimeIsTheLeastThatIsAskedFor) {
-  acknowledge_behind(bench, 1000);
+  pile_up(bench);
   bench.advance(1s);
-  acknowledge_behind(bench, 1000);
+  pile_up(bench);
   EXPECT_TRUE(bench.broker.up());
   EXPECT_EQ(bench.broker.connects.size(), 2U);
+  EXPECT_FALSE(bench.broker.filters.contains(kBase + "/+/command")) << "no room for more";
 }
 
 TEST_F(PublisherFloodTest, StopWhileItConnectsAnewSaysGoodbye) {
-  acknowledge_behind(bench, 1000);
+  pile_up(bench);
   bench.broker.acknowledges = true;
   bench.made().stop(bench.now);
   bench.settle();
@@ -783,45 +791,30 @@ TEST_F(PublisherFloodTest, StopWhileItConnectsAnewSaysGoodbye) {
 }
 
 TEST_F(PublisherFloodTest, NextConnectionAfterALossMaySendAheadAgain) {
-  acknowledge_behind(bench, 1000);
+  pile_up(bench);
   bench.advance(1s);
   ASSERT_EQ(bench.broker.sends_ahead, 1);
+  bench.broker.acknowledges = true;
+  bench.acknowledge_all();
   bench.lose_connection();
   bench.advance(5s);
   EXPECT_EQ(bench.broker.sends_ahead, kReceiveMaximum);
 }
 
-TEST_F(PublisherFloodTest, BrokerThatIsSlowWithItsPubackKeepsItsConnection) {
-  acknowledge_behind(bench, 20 * kReceiveMaximum);
-  EXPECT_TRUE(bench.broker.up());
-}
-
-TEST(PublisherFlood, FewLargeMessagesAreFarAheadToo) {
-  for (const std::size_t messages : {20U, 50U}) {
+TEST(PublisherFlood, FewLargeResultsPileUpToo) {
+  for (const std::size_t messages : {100U, 200U}) {
     Bench bench;
-    acknowledge_behind(bench, messages, large_message());
-    EXPECT_EQ(bench.broker.disconnects, messages == 50 ? 1 : 0) << "9 MiB are, 4 MiB are not";
+    bench.settle();
+    bench.broker.acknowledges = false;
+    for (std::size_t i = 0; i < messages; ++i) bench.broker.send(large_message());
+    bench.settle();
+    EXPECT_EQ(bench.broker.disconnects, messages == 200 ? 1 : 0) << "12 MiB do, 6 MiB do not";
   }
-}
-
-TEST_F(PublisherFloodTest, MessagesWithQosZeroAreNotFarAhead) {
-  acknowledge_behind(bench, 2000, message(0, R"({"id":"x","op":"run"})", 0));
-  EXPECT_TRUE(bench.broker.up()) << "the broker waits for none of them";
-}
-
-TEST_F(PublisherFloodTest, WhatCameBeforeMessagesWereHeldBackDoesNotCount) {
-  bench.settle();
-  flood(bench, 1000);
-  send_runs(bench, 1000);
-  bench.step();
-  bench.broker.acknowledge_next();
-  bench.step();
-  EXPECT_TRUE(bench.broker.up());
 }
 
 TEST_F(PublisherFloodTest, ConnectionIsKeptWhereMqttHasNoReceiveMaximum) {
   bench.config.mqtt.version = 4;
-  acknowledge_behind(bench, 1000);
+  pile_up(bench);
   EXPECT_TRUE(bench.broker.up());
 }
 
@@ -836,6 +829,7 @@ TEST_F(PublisherFloodTest, SubackComesThroughWhereMessagesAreHeldBack) {
 }
 
 TEST_F(PublisherFloodTest, ResultsThatFillTheirRoomEndTheSubscriptionUntilHalfOfThemAreOut) {
+  bench.config.mqtt.version = 4;
   bench.settings.result_bytes = 100000;
   bench.online();
   const std::string commands = kBase + "/+/command";
@@ -864,6 +858,7 @@ TEST_F(PublisherFloodTest, ResultsThatFillTheirRoomEndTheSubscriptionUntilHalfOf
 }
 
 TEST_F(PublisherFloodTest, PauseEndsWithItsConnection) {
+  bench.config.mqtt.version = 4;
   bench.settings.result_bytes = 100000;
   bench.online();
   flood(bench, 1000);

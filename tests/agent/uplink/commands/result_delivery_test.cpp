@@ -135,7 +135,7 @@ TEST_F(ResultDeliveryOnlineTest, NewConnectionEndsThePauseAndTheNextOneIsShortAg
   EXPECT_EQ(bench.broker.on(kOwn).size(), 5U);
 }
 
-TEST_F(ResultDeliveryOnlineTest, EightMebibytesOfResultsHoldCommandsBack) {
+TEST_F(ResultDeliveryOnlineTest, FourMebibytesOfResultsHoldCommandsBack) {
   bench.broker.acknowledges = false;
   CommandResult large = test::succeeded("a");
   large.correlation = Bytes(65000, 1);
@@ -143,10 +143,10 @@ TEST_F(ResultDeliveryOnlineTest, EightMebibytesOfResultsHoldCommandsBack) {
     for (int i = 0; i < results; ++i) bench.outbox.push(large);
     bench.settle();
   };
-  push(100);
+  push(50);
   EXPECT_FALSE(bench.broker.held);
-  push(40);
-  EXPECT_TRUE(bench.broker.held) << "140 results are fewer than their number allows";
+  push(20);
+  EXPECT_TRUE(bench.broker.held) << "70 results are fewer than their number allows";
   bench.broker.acknowledges = true;
   bench.acknowledge_all();
   EXPECT_FALSE(bench.broker.held);
