@@ -15,9 +15,11 @@ namespace {
 /// Wraps libcsv's parser and collects the rows.
 class RowReader {
  public:
-  explicit RowReader(char delimiter) {
-    // Quotes must enclose a whole cell. Nothing between unquoted delimiters reads as nullopt.
-    csv_init(&parser_, CSV_STRICT | CSV_STRICT_FINI | CSV_EMPTY_IS_NULL);
+  enum class Quotes : unsigned char { anywhere = 0, around_cells = CSV_STRICT | CSV_STRICT_FINI };
+
+  RowReader(char delimiter, Quotes quotes) {
+    // Nothing between unquoted delimiters reads as nullopt.
+    csv_init(&parser_, static_cast<unsigned char>(quotes) | CSV_EMPTY_IS_NULL);
     csv_set_delim(&parser_, static_cast<unsigned char>(delimiter));
   }
   RowReader(const RowReader&) = delete;
@@ -59,27 +61,27 @@ class RowReader {
   std::vector<CsvRow> rows_;
 };
 
-struct Rows {
-  std::vector<CsvRow> list;  ///< up to the fault
-  std::optional<ImportFault> fault;
-};
-
-Rows rows_by(char delimiter, std::string_view text) {
-  RowReader reader(delimiter);
+/// Reads all rows, or the fault that stops it.
+tl::expected<std::vector<CsvRow>, ImportFault> rows_of(std::string_view text, char delimiter,
+                                                       RowReader::Quotes quotes) {
+  RowReader reader(delimiter, quotes);
   while (!text.empty()) {
     const std::size_t end = text.find('\n');
     const std::string_view line = text.substr(0, end == text.npos ? end : end + 1);
-    if (!reader.take(line)) return {reader.rows(), {{reader.line(), "a quote inside a cell"}}};
+    if (!reader.take(line))
+      return tl::unexpected(ImportFault{reader.line(), "a quote inside a cell"});
     text.remove_prefix(line.size());
   }
-  if (!reader.end()) return {reader.rows(), {{reader.line(), "the file ends inside quotes"}}};
-  return {reader.rows(), {}};
+  if (!reader.end())
+    return tl::unexpected(ImportFault{reader.line(), "the file ends inside quotes"});
+  return reader.rows();
 }
 
-/// Returns the number of rows that have several cells, and of these cells.
-std::pair<std::size_t, std::size_t> divided(const Rows& rows) {
+/// Returns the number of rows that the delimiter divides, and of their cells.
+std::pair<std::size_t, std::size_t> divided(std::string_view text, char delimiter) {
   std::pair<std::size_t, std::size_t> sum;
-  for (const CsvRow& row : rows.list)
+  const auto rows = rows_of(text, delimiter, RowReader::Quotes::anywhere);
+  for (const CsvRow& row : rows.value())
     if (row.cells.size() > 1) sum = {sum.first + 1, sum.second + row.cells.size()};
   return sum;
 }
@@ -91,12 +93,11 @@ std::string_view CsvRow::at(std::size_t column) const {
 }
 
 tl::expected<std::vector<CsvRow>, ImportFault> read_csv(std::string_view text) {
-  std::array ways{rows_by(',', text), rows_by('\t', text), rows_by(';', text)};
   // The header contains only the real delimiter, so that one divides more rows than a character
-  // that only comments contain. Quoted cells are faults with any other.
-  Rows& best = *std::ranges::max_element(ways, {}, divided);
-  if (best.fault) return tl::unexpected(*std::move(best.fault));
-  return std::move(best.list);
+  // that only comments contain.
+  const char delimiter = std::ranges::max(std::array{',', '\t', ';'}, {},
+                                          [text](char each) { return divided(text, each); });
+  return rows_of(text, delimiter, RowReader::Quotes::around_cells);
 }
 
 std::string csv_cell(const std::optional<std::string>& value) {

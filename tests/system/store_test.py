@@ -215,8 +215,7 @@ class StoreLife(PlantTest):
             carried_out = len(self.sim.commands("press1"))
             self.agent.stop(sign, expected=None)
             self.assertTrue(disk.remount("ro"))
-            if sign == signal.SIGTERM:
-                ends(0, "audit", self.agent.path, "--verify")
+            ends(0, "audit", self.agent.path, "--verify")
             self.state("press1", "online", self.start_again())
             self.assertIn("state=memory", self.agent.logged())
             for known in ids:

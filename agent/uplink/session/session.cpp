@@ -13,8 +13,7 @@ using std::chrono::seconds;
 constexpr seconds kNoAcknowledgement{30};  // a broker silent for this long is abandoned
 constexpr std::chrono::milliseconds kBetweenChecks{100};  // between checks of the connection
 constexpr seconds kLibraryForgot{1};                      // time for the library to report a loss
-constexpr seconds kGoodbye{2};             // wait for Disconnected before connecting anyway
-constexpr std::size_t kMostFailures = 16;  // that are known as logged; a broker may send any text
+constexpr seconds kGoodbye{2};  // wait for Disconnected before connecting anyway
 
 }  // namespace
 
@@ -47,9 +46,10 @@ void Session::on(const Connected& event, SteadyTime now) {
 
 void Session::on(const ConnectFailed& event, SteadyTime now) {
   if (state_ != State::connecting) return;
-  if (failures_.insert(event.text).second)
-    log::warn("broker_unreachable", {{"server", log_name()}, {"reason", event.text}});
-  if (failures_.size() > kMostFailures) failures_ = {event.text};
+  const bool is_logged = std::ranges::any_of(
+      failures_, [&](const auto& failure) { return failure.second == event.text; });
+  if (!is_logged) log::warn("broker_unreachable", {{"server", log_name()}, {"reason", event.text}});
+  failures_[server()] = event.text;
   why_not_connected_ = event.text;
   state_ = State::waiting;
   starting_ = false;

@@ -9,8 +9,8 @@
 
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <optional>
-#include <set>
 #include <string>
 
 #include "agent/config/model.h"
@@ -117,9 +117,9 @@ class Session final {
 
   State state_ = State::waiting;
   bool starting_ = true;
-  SteadyTime act_at_{};             ///< next attempt; while one is in progress, its deadline
-  SteadyTime not_before_{};         ///< the next attempt, even if the server is left sooner
-  std::set<std::string> failures_;  ///< logged since the last connection
+  SteadyTime act_at_{};      ///< next attempt; while one is in progress, its deadline
+  SteadyTime not_before_{};  ///< the next attempt, even if the server is left sooner
+  std::map<std::string, std::string> failures_;  ///< last one of each server, until a connection
   std::string why_not_connected_;
   SteadyTime lost_at_{};
   SteadyTime connected_at_{};

@@ -66,6 +66,10 @@ TEST(Csv, WhatStandsInQuotesOrInCommentsIsNoDelimiter) {
   const auto pipe = read_csv("Name;Text\nD0; \"a, \"\"b\"\", c, d\"\nD1;5\" pipe\n");
   ASSERT_FALSE(pipe);
   EXPECT_EQ(pipe.error().line, 3);
+  const auto early =
+      read_csv("name;address;type\nt1;D1;int16\nt2;D2;int16;pipe,\"A\"\nt3;D3;a,b\nt4;D4;a,b\n");
+  ASSERT_FALSE(early);
+  EXPECT_EQ(early.error().line, 3) << "the rows behind the fault count, too";
 }
 
 TEST(Csv, CellsComeBackAsTheyWere) {

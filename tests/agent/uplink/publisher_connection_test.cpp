@@ -143,12 +143,13 @@ TEST_F(PublisherConnectionTest, LossInTheMiddleOfConnectingIsAnAttemptThatFailed
   EXPECT_LE(until_next_connect(bench), 2s) << "not the 30 s of a library that never answers";
 }
 
-TEST_F(PublisherConnectionTest, EachFailureOfTwoServersIsLoggedOnceUntilAConnection) {
+TEST_F(PublisherConnectionTest, EachFailureOfTwoServersIsLoggedOnceUntilItChanges) {
+  bench.config.mqtt.servers = {"mqtt://one:1883", "mqtt://two:1883"};
   bench.broker.reachable = false;
-  const auto lines = [this] {
+  const auto lines = [this](bool one_answers = false) {
     testing::internal::CaptureStderr();
     for (int attempt = 0; attempt < 6; ++attempt) {
-      bench.broker.answers = attempt % 2 == 0;
+      bench.broker.answers = one_answers || attempt % 2 == 0;
       until_next_connect(bench);
     }
     const std::string log = testing::internal::GetCapturedStderr();
@@ -157,6 +158,8 @@ TEST_F(PublisherConnectionTest, EachFailureOfTwoServersIsLoggedOnceUntilAConnect
   bench.step();
   EXPECT_EQ(lines(), 2) << "connection refused, no answer";
   EXPECT_EQ(lines(), 0);
+  EXPECT_EQ(lines(true), 0) << "both servers refuse, which is known of one";
+  EXPECT_EQ(lines(), 1) << "no answer any more";
   bench.broker.reachable = true;
   until_next_connect(bench);
   bench.broker.reachable = false;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <vector>
 
 #include "agent/cli/describe/documents.h"
 #include "agent/cli/describe/schema_parts.h"
@@ -41,6 +42,10 @@ TEST(PayloadSchema, WordsAreThoseOfTheProgram) {
   const Json statuses = words(kCommandStatuses.front(), kCommandStatuses.back());
   EXPECT_EQ(at("/status/enum"), statuses);
   EXPECT_EQ(at("/health/properties/commands/required"), statuses);
+  Json counted = Json::array();
+  const Json counts = at("/health/properties/commands/properties");
+  for (const auto& [word, count] : counts.items()) counted.push_back(word);
+  EXPECT_EQ(counted, statuses);
   EXPECT_EQ(at("/reason/enum"), words(Reason::too_large, Reason::interrupted));
   EXPECT_EQ(at("/data_type/enum"), words(DataType::boolean, DataType::float64));
   using State = DeviceStatus::State;
@@ -66,6 +71,10 @@ TEST(PayloadSchema, EachOperationHasACommandWithTheSameKeys) {
     EXPECT_EQ(command["additionalProperties"], false);
     for (const auto& [key, value] : command["properties"].items())
       EXPECT_TRUE(all.contains(key)) << key;
+    std::vector<std::string> common{"id", "expires", "by", "dry_run"};
+    if (op != Op::run && op != Op::stop) common.insert(common.end(), {"tag", "address", "type"});
+    for (const std::string& key : common)
+      EXPECT_EQ(command["properties"][key], all[key]) << to_string(op) << " " << key;
     for (const auto& [key, value] : all.items())
       EXPECT_TRUE(command["properties"].contains(key) || key == "value" || key == "expect") << key;
   }
@@ -81,6 +90,9 @@ TEST(PayloadSchema, LimitsAreThoseOfTheProgram) {
   for (const char* key :
        {"/desired/properties/version/maxLength", "/desired/properties/by/maxLength"})
     EXPECT_EQ(at(key), kMaxDesiredVersion);
+  for (const char* place : {"/link_command/oneOf/0/properties/expires/oneOf",
+                            "/link_command/oneOf/1/properties/expires/oneOf"})
+    EXPECT_EQ(at(place), at("/command_write/properties/expires/oneOf"));
   EXPECT_EQ(at("/id/oneOf/1/maximum"), json::kMaxExactInteger);
   EXPECT_EQ(at("/id/oneOf/1/minimum"), -json::kMaxExactInteger);
   EXPECT_EQ(at("/command_write/properties/expires/oneOf/0/maximum"), json::kMaxExactInteger);
