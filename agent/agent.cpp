@@ -226,7 +226,7 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
       [&field, &outbox](const std::string& link, std::chrono::minutes time, const std::string& text,
                         std::function<void(Reason)> done) {
         field.yield(link, time, text, [&outbox, done = std::move(done)](Reason why) {
-          outbox.ask([done, why](SteadyTime) { done(why); });
+          outbox.post([done, why](SteadyTime) { done(why); });
         });
       });
   if (guarded) {
@@ -283,7 +283,7 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
          .take_unanswered =
              [&](JournalEntry left, const std::string& topic) {
                const auto reply = [&pair](JournalEntry known) { pair->reply(std::move(known)); };
-               outbox.ask(
+               outbox.post(
                    [&publisher, command = Publisher::Unanswered{std::move(left), topic, reply}](
                        SteadyTime) mutable { publisher.take_unanswered(std::move(command)); });
              }});
@@ -304,7 +304,7 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
     });
   });
   const auto place = [&](RelayedCommand command) {
-    outbox.ask([&publisher, command = std::move(command)](SteadyTime now) mutable {
+    outbox.post([&publisher, command = std::move(command)](SteadyTime now) mutable {
       publisher.take_relayed(std::move(command), now);
     });
   };
@@ -314,7 +314,7 @@ void run_agent(Config config, const std::string& path, RemoteConfig& remote, Sto
   service_manager::notify_ready();
 
   const auto ask = [&] {
-    field.ask([&signs] { signs.field_went_on(); });
+    field.post([&signs] { signs.field_went_on(); });
     outbox.notify();
   };
   const auto current_status = [&] {

@@ -137,7 +137,7 @@ void Reload::listen() {
     news_.connected_at = now;
     wake();
   };
-  outbox_.ask([&publisher = publisher_, listener](SteadyTime) {
+  outbox_.post([&publisher = publisher_, listener](SteadyTime) {
     publisher.own_topics().set_config_listener(listener);
   });
 }
@@ -262,10 +262,10 @@ bool Reload::apply(Config config) {
     if (!last_seq) return set(*done);
     field.begin(shared, std::move(*last_seq), [done] { set(*done); });
   };
-  outbox.ask([&field, &outbox, &publisher, take_back = take_back_, shared, begin](SteadyTime) {
+  outbox.post([&field, &outbox, &publisher, take_back = take_back_, shared, begin](SteadyTime) {
     publisher.begin_change(*shared);
     take_back(shared->devices_end, [&field, &outbox, shared, begin] {
-      field.end(shared, [&outbox, begin] { outbox.ask(begin); });
+      field.end(shared, [&outbox, begin] { outbox.post(begin); });
     });
   });
   applied_->wait(false);
@@ -316,7 +316,7 @@ void Reload::say(const std::string& state, const ConfigErrors& errors) {
 
 void Reload::publish_status() {
   status_.remote = remote_.status();
-  outbox_.ask([&publisher = publisher_, status = status_](SteadyTime now) {
+  outbox_.post([&publisher = publisher_, status = status_](SteadyTime now) {
     publisher.set_config_status(status, now);
   });
 }
@@ -355,12 +355,12 @@ void Reload::report(Log when) {
   const bool had_reported = std::exchange(has_reported_, remote_.is_enabled());
   if (has_reported_) {
     if (is_news || when == Log::always) log_report();
-    outbox_.ask([&publisher = publisher_, text = remote_.report_text(status_.hash),
-                 audit = is_news ? audit_record() : std::string()](SteadyTime) {
+    outbox_.post([&publisher = publisher_, text = remote_.report_text(status_.hash),
+                  audit = is_news ? audit_record() : std::string()](SteadyTime) {
       publisher.own_topics().report_config(text, audit);
     });
   } else if (had_reported) {
-    outbox_.ask(
+    outbox_.post(
         [&publisher = publisher_](SteadyTime) { publisher.own_topics().report_config({}, {}); });
   }
   publish_status();

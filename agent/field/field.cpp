@@ -101,7 +101,7 @@ void Field::yield(std::string link, std::chrono::minutes time, std::string text,
   field_->post(&FieldLinks::yield, std::move(link), time, std::move(text), std::move(done));
 }
 
-void Field::ask(std::function<void()> answer) { asio::post(field_->io, std::move(answer)); }
+void Field::post(std::function<void()> call) { asio::post(field_->io, std::move(call)); }
 
 void Field::end(std::shared_ptr<const ConfigChange> change, Done done) {
   field_->post(&FieldLinks::end, std::move(change), std::move(done));

@@ -53,8 +53,8 @@ class Field final {
   /// done. Any thread.
   void yield(std::string link, std::chrono::minutes time, std::string text,
              std::function<void(Reason)> done);
-  /// Calls `answer` on the field thread. Any thread.
-  void ask(std::function<void()> answer);
+  /// Calls `call` on the field thread. Any thread.
+  void post(std::function<void()> call);
   // A changed config takes two calls, end() and begin(). Any thread. Unchanged links and devices
   // run on undisturbed.
   /// Ends the links and devices that the change ends. What is on the wire has 2.5 s; on a link that

@@ -48,7 +48,7 @@ void Outbox::push(FieldHealth health) {
   });
 }
 
-void Outbox::ask(Call call) {
+void Outbox::post(Call call) {
   push_urgent([&] { waiting_.calls.push_back(std::move(call)); });
 }
 

@@ -1,4 +1,5 @@
-// Passes messages from the field thread to the uplink thread. Any thread.
+// Passes messages and calls from the field thread to the uplink thread, and two flags back. Any
+// thread.
 #pragma once
 
 #include <atomic>
@@ -38,6 +39,8 @@ class Outbox final {
   /// Holds at most `max_telemetry` messages. Beyond that it drops the oldest and counts it.
   explicit Outbox(std::size_t max_telemetry) : max_telemetry_(max_telemetry) {}
 
+  // ---- the field: messages to the uplink ----
+
   /// Never blocks longer than a pointer swap. Never drops results or states. Everything except
   /// telemetry ends a gather().
   void push(Telemetry message);
@@ -45,40 +48,43 @@ class Outbox final {
   void push(DeviceStatus status);
   void push(FieldHealth health);
 
-  /// Sets whether samples are waiting for the broker, or it is away. Groups without an interval are
-  /// then polled about once a second; all other groups keep their intervals. Uplink thread.
-  void set_backed_up(bool backed_up) { backed_up_.store(backed_up, std::memory_order_relaxed); }
-  bool is_backed_up() const { return backed_up_.load(std::memory_order_relaxed); }
+  // ---- the uplink ----
 
-  /// Marks that the field is stopping. Every later command is answered with a rejection and not
-  /// sent to a device.
-  void refuse_commands() { refuses_commands_.store(true, std::memory_order_relaxed); }
-  bool refuses_commands() const { return refuses_commands_.load(std::memory_order_relaxed); }
-
-  /// Sets whether another agent has our id. The field then rejects the commands that wait, and a
-  /// running one writes nothing more. Uplink thread.
-  void set_conflict(bool in_conflict) {
-    in_conflict_.store(in_conflict, std::memory_order_relaxed);
-  }
-  bool is_in_conflict() const { return in_conflict_.load(std::memory_order_relaxed); }
-
-  /// Asks the uplink to run `call` on its own thread, after it has processed everything pushed
-  /// before. Any thread. Once the uplink has ended, `call` is never run.
-  using Call = std::function<void(SteadyTime now)>;
-  void ask(Call call);
-
-  /// Returns the highest sequence number of all telemetry so far. Any thread.
-  std::uint64_t highest_seq() const { return highest_seq_.load(std::memory_order_relaxed); }
-
-  /// Removes and returns everything that waits. Uplink thread.
+  /// Removes and returns everything that waits.
   Batch take();
   /// Returns at `deadline`, or after the first push or notify() since the last return.
   void wait_until(SteadyTime deadline);
   /// Collects telemetry until `deadline`. Any other push, or notify(), ends it early. Under a
   /// steady flow of samples, many of them then share the cost of one thread wake-up.
   void gather(SteadyTime deadline);
+
+  // ---- any thread, to the uplink ----
+
+  /// Makes the uplink run `call` on its own thread, after it has processed everything pushed
+  /// before. Once the uplink has ended, `call` is never run.
+  using Call = std::function<void(SteadyTime now)>;
+  void post(Call call);
   /// Wakes wait_until(): the broker has an event, or the agent is stopping.
   void notify();
+  /// Marks that the agent is stopping. The uplink then answers every later command with a rejection
+  /// and sends it to no device.
+  void refuse_commands() { refuses_commands_.store(true, std::memory_order_relaxed); }
+  bool refuses_commands() const { return refuses_commands_.load(std::memory_order_relaxed); }
+  /// Returns the highest sequence number of all telemetry so far.
+  std::uint64_t highest_seq() const { return highest_seq_.load(std::memory_order_relaxed); }
+
+  // ---- the uplink's flags for the field: set by the uplink, read on any thread ----
+
+  /// Sets whether samples are waiting for the broker, or it is away. Groups without an interval are
+  /// then polled about once a second; all other groups keep their intervals.
+  void set_backed_up(bool backed_up) { backed_up_.store(backed_up, std::memory_order_relaxed); }
+  bool is_backed_up() const { return backed_up_.load(std::memory_order_relaxed); }
+  /// Sets whether another agent has our id. The field then rejects the commands that wait, and a
+  /// running one writes nothing more.
+  void set_conflict(bool in_conflict) {
+    in_conflict_.store(in_conflict, std::memory_order_relaxed);
+  }
+  bool is_in_conflict() const { return in_conflict_.load(std::memory_order_relaxed); }
 
  private:
   template <class Put>

@@ -3,7 +3,7 @@
 // not accept everything at once, results go first, then states, live samples and the backlog.
 //
 // Create it with its parts, add() the profiles, and let run_uplink() step it on the uplink thread
-// until a clean stop. Other threads reach it only through Outbox::ask(), and read its status from
+// until a clean stop. Other threads reach it only through Outbox::post(), and read its status from
 // board(). Uplink thread only. Time is an argument.
 #pragma once
 
@@ -112,7 +112,7 @@ class Publisher final {
 
   // ---- change of the config
   // Call begin_change(), the field's end(), change() and the field's begin(), in this order; the
-  // two here from Outbox::ask(). Call no other function between change() and the field's begin().
+  // two here from Outbox::post(). Call no other function between change() and the field's begin().
 
   /// Rejects every later command for what ends with the change.
   void begin_change(const ConfigChange& change) {

@@ -132,7 +132,7 @@ struct FieldChangeTest : ::testing::Test {
     const auto change =
         std::make_shared<const ConfigChange>(change_between(now, std::move(wanted)));
     bool done = false;
-    const auto call = [&] { outbox.ask([&](SteadyTime) { done = true; }); };
+    const auto call = [&] { outbox.post([&](SteadyTime) { done = true; }); };
     for (std::uint32_t i = 0; i < now.devices.size(); ++i)
       if (!std::as_const(now).devices[i].is_vacant()) send(i);
     field->end(change, call);
@@ -248,7 +248,7 @@ TEST_F(FieldChangeTest, DeviceOfALinkThatDidNotBeginMayBeRemoved) {
     const auto change =
         std::make_shared<const ConfigChange>(change_between(now, std::move(wanted)));
     bool done = false;
-    const auto call = [&] { outbox.ask([&](SteadyTime) { done = true; }); };
+    const auto call = [&] { outbox.post([&](SteadyTime) { done = true; }); };
     field->end(change, call);
     wait([&] { return done; });
     now = change->config;

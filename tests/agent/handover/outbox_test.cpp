@@ -68,7 +68,7 @@ TEST(Outbox, CallsComeWithWhatWasPushedBeforeThem) {
   Outbox outbox(10);
   int called = 0;
   outbox.push(CommandResult{});
-  outbox.ask([&](SteadyTime) { ++called; });
+  outbox.post([&](SteadyTime) { ++called; });
   const Outbox::Batch batch = outbox.take();
   EXPECT_EQ(batch.results.size(), 1U);
   ASSERT_EQ(batch.calls.size(), 1U);

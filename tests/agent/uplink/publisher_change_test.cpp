@@ -20,9 +20,9 @@ struct PublisherChange : ::testing::Test, test::PublisherBench {
   std::vector<std::uint64_t> change_to(Config wanted) {
     const ConfigChange change = change_between(config, std::move(wanted));
     std::vector<std::uint64_t> numbers;
-    outbox.ask([&](SteadyTime) { made().begin_change(change); });
+    outbox.post([&](SteadyTime) { made().begin_change(change); });
     step();
-    outbox.ask([&](SteadyTime at) { numbers = made().change(change, at).value(); });
+    outbox.post([&](SteadyTime at) { numbers = made().change(change, at).value(); });
     step();
     return numbers;
   }

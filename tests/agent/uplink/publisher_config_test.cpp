@@ -74,9 +74,9 @@ TEST_F(PublisherConfig, AReloadSwitchesItOnAndOff) {
     Config wanted = config;
     wanted.remote.enabled = on;
     const ConfigChange change = change_between(config, std::move(wanted));
-    outbox.ask([&](SteadyTime) { made().begin_change(change); });
+    outbox.post([&](SteadyTime) { made().begin_change(change); });
     step();
-    outbox.ask([&](SteadyTime at) { made().change(change, at); });
+    outbox.post([&](SteadyTime at) { made().change(change, at); });
     settle();
     EXPECT_EQ(broker.filters.contains(kDesired), on);
   }

@@ -348,9 +348,9 @@ TEST_F(AgentStatusOnlineTest, RefusalOfWhatTheConfigDoesNotNeedDoesNotCount) {
   wanted.devices = {bench.config.devices[1]};
   const ConfigChange change = change_between(bench.config, std::move(wanted));
   bench.broker.refuses_topic = "/press1/";
-  bench.outbox.ask([&](SteadyTime) { bench.made().begin_change(change); });
+  bench.outbox.post([&](SteadyTime) { bench.made().begin_change(change); });
   bench.step();
-  bench.outbox.ask([&](SteadyTime at) { (void)bench.made().change(change, at); });
+  bench.outbox.post([&](SteadyTime at) { (void)bench.made().change(change, at); });
   bench.advance(60s);
   EXPECT_EQ(bench.asked()->broker.refused, Kinds{}) << "its topics are to be cleared";
   EXPECT_FALSE(bench.broker.on(kBase + "/press1/state").empty());
