@@ -142,7 +142,7 @@ asio::awaitable<Exchange> CommandExchanges::ask(Request request, SteadyTime not_
   Exchange exchange;
   // A channel that proves to be closed before a byte was sent is reopened once.
   for (int attempt = 0; attempt < 2; ++attempt) {
-    if (sharing_.is_over()) co_return cut_off();
+    if (!sharing_.may_send()) co_return cut_off();
     if (!bus_.is_open()) {
       const auto opened = co_await bus_.open();
       if (!opened) {
@@ -161,7 +161,7 @@ asio::awaitable<Exchange> CommandExchanges::ask(Request request, SteadyTime not_
     exchange = co_await bus_.exchange(station_, request, not_after);
     if (exchange.outcome != Outcome::link_down || exchange.sent) break;
   }
-  if (exchange.outcome == Outcome::link_down && sharing_.is_over()) cut_off_ = true;
+  if (exchange.outcome == Outcome::link_down && !sharing_.may_send()) cut_off_ = true;
   add_hint(exchange);
   if (!exchange.received.empty()) {
     const auto guess = looks_like(device_, *station_.codec, exchange.asked, exchange.received);

@@ -20,31 +20,36 @@
 
 namespace fxagent {
 
-/// PORT: lets a long command share its bus with polls and other commands, and learn when to stop.
+/// PORT: the link, as a running command sees it.
 class BusSharing {
  public:
   virtual ~BusSharing() = default;
 
+  // ---- turns for others ----
+
   /// Lets polls and other commands run between two parts of a long command. `used` is the line time
   /// of the part that has just ended.
   virtual asio::awaitable<void> give_way(std::chrono::nanoseconds used) = 0;
-
-  /// Called when the device has left an exchange unanswered for this long.
-  virtual void was_silent(std::chrono::nanoseconds lasted) = 0;
   /// Lets the polls run that go first after a silence. True: one has run.
   virtual asio::awaitable<bool> give_way_after_silence() = 0;
 
+  // ---- reports of the command ----
+
+  /// Called when the device has left an exchange unanswered for this long.
+  virtual void was_silent(std::chrono::nanoseconds lasted) = 0;
   /// Called when one frame has written all targets, or may have. No target has its outcome yet.
   virtual void written_together(const Exchange& exchange) = 0;
   /// Called when a target has its outcome, while others still wait.
   virtual void concluded(std::size_t target, const TargetResult& outcome) = 0;
 
-  /// Returns why nothing more may be written: shutting_down, reloading or conflict; none: writes
-  /// are allowed. What was written may still be read back.
+  // ---- may the command go on? ----
+
+  /// Returns why the command is stopping: shutting_down, reloading or conflict; none: it goes on. A
+  /// stopping command writes nothing more. It may still read back what it has written.
   virtual Reason why_stopping() const = 0;
   bool is_stopping() const { return why_stopping() != Reason::none; }
-  /// True if nothing at all may be sent any more.
-  virtual bool is_over() const = 0;
+  /// False if nothing at all may be sent any more, not even a read-back.
+  virtual bool may_send() const = 0;
 };
 
 class CommandExchanges final {

@@ -193,9 +193,9 @@ class LinkCommands::Sharing final : public BusSharing {
     met_conflict_ = met_conflict_ || commands_.link_.outbox.is_in_conflict();
     return met_conflict_ ? Reason::conflict : Reason::none;
   }
-  bool is_over() const override {
+  bool may_send() const override {
     const auto& leaves_by = command_.device->leaves_by;
-    return commands_.over_ || (leaves_by && Clock::now() >= *leaves_by);
+    return !commands_.over_ && (!leaves_by || Clock::now() < *leaves_by);
   }
 
  private:

@@ -29,7 +29,7 @@ class Others final : public BusSharing {
   void written_together(const Exchange&) override {}
   void concluded(std::size_t, const TargetResult&) override {}
   Reason why_stopping() const override { return stopping ? Reason::shutting_down : Reason::none; }
-  bool is_over() const override { return over; }
+  bool may_send() const override { return !over; }
 
   int turns = 0;
   int turns_after_silence = 0;
