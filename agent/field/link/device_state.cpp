@@ -21,7 +21,7 @@ DeviceState::DeviceState(std::uint32_t device, const Codec& codec, std::int64_t 
     : is_broadcast_(codec.is_broadcast()),
       asks_model_(must_ask_model(codec)),
       model_configured_(model_of(codec)),
-      compares_model_(!model_configured_.empty()),
+      must_compare_model_(!model_configured_.empty()),
       model_known_(!asks_model_),
       model_(model_configured_) {
   reported_.device = device;
@@ -33,18 +33,18 @@ DeviceState::DeviceState(std::uint32_t device, const Codec& codec, std::int64_t 
 void DeviceState::fell_silent() {
   run_.reset();
   if (asks_model_) model_known_ = false;
-  compares_model_ = !model_configured_.empty() && names_model_;
-  model_unanswered_ = 0;
+  must_compare_model_ = !model_configured_.empty() && names_model_;
+  comparisons_unanswered_ = 0;
 }
 
-void DeviceState::compare_model(const std::optional<std::string>& of_plc) {
-  compares_model_ = false;
-  names_model_ = of_plc.has_value();
-  model_ = of_plc.value_or(model_configured_);
+void DeviceState::set_model_of_plc(const std::optional<std::string>& model) {
+  must_compare_model_ = false;
+  names_model_ = model.has_value();
+  model_ = model.value_or(model_configured_);
 }
 
-void DeviceState::model_unanswered() {
-  if (++model_unanswered_ == kModelQuestions) compares_model_ = false;
+void DeviceState::comparison_unanswered() {
+  if (++comparisons_unanswered_ == kModelQuestions) must_compare_model_ = false;
 }
 
 void DeviceState::set_model(const std::optional<std::string>& model) {

@@ -37,16 +37,21 @@ class DeviceState final {
   bool has_answered() const { return answered_once_; }
   /// Records that the device is silent. The next device to answer may be another PLC.
   void fell_silent();
+
+  // With "model": "auto" in the config:
   /// False if the device must be asked for its model before anything else.
   bool is_model_known() const { return model_known_; }
   /// Records the model; nullopt: the answers do not identify it.
   void set_model(const std::optional<std::string>& model);
-  /// True while a PLC with a configured model has yet to be asked for its own.
-  bool compares_model() const { return compares_model_; }
-  /// Records the PLC's model. nullopt: the PLC names no model and is not asked again.
-  void compare_model(const std::optional<std::string>& of_plc);
+
+  // With a model in the config:
+  /// True while the PLC has yet to be asked for its own model, also after a silence.
+  bool must_compare_model() const { return must_compare_model_; }
+  /// Records the PLC's own model. nullopt: the PLC names no model and is not asked again.
+  void set_model_of_plc(const std::optional<std::string>& model);
   /// Records a question without an answer. After three, the PLC is not asked until it was silent.
-  void model_unanswered();
+  void comparison_unanswered();
+
   /// Records the RUN state; nullopt: unknown.
   void set_run(std::optional<bool> run) { run_ = run; }
 
@@ -62,9 +67,9 @@ class DeviceState final {
   const bool is_broadcast_;
   const bool asks_model_;
   const std::string model_configured_;  ///< empty: the config leaves the model open
-  bool compares_model_;
+  bool must_compare_model_;
   bool names_model_ = true;  ///< the PLC names its model when asked
-  int model_unanswered_ = 0;
+  int comparisons_unanswered_ = 0;
   bool model_known_;
   bool model_unclear_ = false;
   bool answered_once_ = false;

@@ -36,7 +36,7 @@ asio::awaitable<void> ModelQuestions::run(LinkDevice& device, PollScheduler::Pol
     if (state_.is_stopping()) co_return;
     is_answered = take_answer(device, step, exchange);
   }
-  const bool is_compared = is_answered && device.state.compares_model();
+  const bool is_compared = is_answered && device.state.must_compare_model();
   if (is_compared) {
     const auto questions = static_cast<std::uint32_t>(device.codec->plc()->identify().size());
     device.model_images.clear();
@@ -85,11 +85,11 @@ asio::awaitable<void> ModelQuestions::compare_model(LinkDevice& device,
   if (is_answer && !link_.scheduler.step_done(step)) co_return;
   end_cycle();
   if (!is_answer) {
-    device.state.model_unanswered();
+    device.state.comparison_unanswered();
     co_return end_question(device, step.group);
   }
   const auto model = plc.model_from(device.model_images);
-  device.state.compare_model(model);
+  device.state.set_model_of_plc(model);
   const bool is_other = model && *model != model_of(*device.codec);
   if (is_other)
     log::warn(
@@ -106,7 +106,7 @@ asio::awaitable<void> ModelQuestions::compare_model(LinkDevice& device,
 
 void ModelQuestions::end_question(LinkDevice& device, PollScheduler::GroupId group) {
   const bool is_up = link_.bus.is_open() || link_.bus.channel().closed_after_silence();
-  const bool asks_again = is_up && device.groups.empty() && device.state.compares_model() &&
+  const bool asks_again = is_up && device.groups.empty() && device.state.must_compare_model() &&
                           device.asked_again++ < kMostAskedAgain;
   if (asks_again) link_.scheduler.group(group).read_at_once(Clock::now() + kAskAgain);
   if (!asks_again || !device.state.has_answered()) state_.update(device);

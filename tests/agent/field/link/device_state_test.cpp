@@ -185,11 +185,11 @@ TEST(DeviceState, SilenceForgetsTheRunStateAndAModelThatWasAsked) {
 
 TEST(DeviceState, PlcOfAnotherModelThanTheConfigsIsOnlineAndSaysSo) {
   DeviceState state(0, *port_codec(), 1000);
-  EXPECT_TRUE(state.compares_model());
+  EXPECT_TRUE(state.must_compare_model());
   state.answered();
   EXPECT_EQ(state.update(bus_is_open(), 1100)->status.model_configured, "");
-  state.compare_model("FX2N");
-  EXPECT_FALSE(state.compares_model());
+  state.set_model_of_plc("FX2N");
+  EXPECT_FALSE(state.must_compare_model());
   const auto other = state.update(bus_is_open(), 1200).value();
   EXPECT_EQ(other.status.state, State::online);
   EXPECT_EQ(other.status.model, "FX2N");
@@ -197,39 +197,39 @@ TEST(DeviceState, PlcOfAnotherModelThanTheConfigsIsOnlineAndSaysSo) {
   EXPECT_NE(other.status.reason_text.find("the PLC is an FX2N, but the config says FX3U"),
             std::string::npos);
   state.fell_silent();
-  EXPECT_TRUE(state.compares_model()) << "another PLC may answer next";
-  state.compare_model("FX3U");
+  EXPECT_TRUE(state.must_compare_model()) << "another PLC may answer next";
+  state.set_model_of_plc("FX3U");
   EXPECT_EQ(state.update(bus_is_open(), 1300)->status.model_configured, "");
 }
 
 TEST(DeviceState, PlcThatNamesNoModelIsNotTheOtherModelThatWasThereBefore) {
   DeviceState state(0, *port_codec(), 1000);
   state.answered();
-  state.compare_model("FX2N");
+  state.set_model_of_plc("FX2N");
   EXPECT_EQ(state.update(bus_is_open(), 1100)->status.model_configured, "FX3U");
   state.fell_silent();
-  state.compare_model(std::nullopt);
+  state.set_model_of_plc(std::nullopt);
   EXPECT_EQ(state.update(bus_is_open(), 1200)->status.model_configured, "");
 }
 
 TEST(DeviceState, LostQuestionForTheModelIsRepeatedTwice) {
   DeviceState state(0, *port_codec(), 1000);
   for (int lost = 1; lost <= 3; ++lost) {
-    EXPECT_TRUE(state.compares_model()) << lost;
-    state.model_unanswered();
+    EXPECT_TRUE(state.must_compare_model()) << lost;
+    state.comparison_unanswered();
   }
-  EXPECT_FALSE(state.compares_model());
+  EXPECT_FALSE(state.must_compare_model());
   state.fell_silent();
-  EXPECT_TRUE(state.compares_model()) << "another PLC may answer next";
+  EXPECT_TRUE(state.must_compare_model()) << "another PLC may answer next";
 }
 
 TEST(DeviceState, PlcThatNamesNoModelIsNotAskedAgain) {
   DeviceState state(0, *port_codec(), 1000);
-  state.compare_model(std::nullopt);
+  state.set_model_of_plc(std::nullopt);
   state.fell_silent();
-  EXPECT_FALSE(state.compares_model());
-  EXPECT_FALSE(DeviceState(0, *port_codec(fx::Model::unknown_fx), 1000).compares_model());
-  EXPECT_FALSE(DeviceState(0, *codec_of("modbus-rtu"), 1000).compares_model());
+  EXPECT_FALSE(state.must_compare_model());
+  EXPECT_FALSE(DeviceState(0, *port_codec(fx::Model::unknown_fx), 1000).must_compare_model());
+  EXPECT_FALSE(DeviceState(0, *codec_of("modbus-rtu"), 1000).must_compare_model());
 }
 
 TEST_F(DeviceStateAnswered, RunStateIsNotToldOfAClosedBusAndIsBackAfterwards) {
