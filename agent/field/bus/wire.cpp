@@ -235,16 +235,17 @@ asio::awaitable<void> Wire::receive(const Codec& codec, const Request& request, 
     if (*decoded) {
       exchange.outcome = Exchange::Outcome::answered;
       exchange.reply = std::move(**decoded);
-      note_around_answer(codec, sent, exchange.reply, is_read(request) && !echo);
+      if (is_read(request) && !echo)
+        overheard_.echo().learn(ByteView(rx_).first(exchange.reply.began), sent);
+      note_around_answer(codec, sent, exchange.reply);
       co_return;
     }
   }
 }
 
-void Wire::note_around_answer(const Codec& codec, const Bytes& sent, const Reply& reply,
-                              bool shows_echo) {
+void Wire::note_around_answer(const Codec& codec, const Bytes& sent, const Reply& reply) {
   Bytes before(rx_.begin(), rx_.begin() + static_cast<std::ptrdiff_t>(reply.began));
-  note_unexpected(codec, overheard_.echo().answered(std::move(before), sent, shows_echo));
+  note_unexpected(codec, Echo::without_echo(std::move(before), sent));
   overheard_.echo().forget_unanswered();
   // Reading what has already arrived costs no time. A NAK behind an ACK is found before the next
   // request.

@@ -92,9 +92,8 @@ class Wire final {
   /// Counts, traces and judges bytes that are not part of an answer.
   void note_unexpected(const Codec& codec, ByteView bytes);
   void note_error(const Station& station, const Exchange& exchange);
-  /// Judges the bytes before and after an answer. `shows_echo`: see Echo::answered().
-  void note_around_answer(const Codec& codec, const Bytes& sent, const Reply& reply,
-                          bool shows_echo);
+  /// Judges the bytes before and after an answer.
+  void note_around_answer(const Codec& codec, const Bytes& sent, const Reply& reply);
   /// Counts the outcome. Without an answer, closes the channel or records that one may come late.
   void note_outcome(const Station& station, const Request& request, const Exchange& exchange);
 

@@ -1,4 +1,4 @@
-#include "agent/field/bus/overheard.h"
+#include "agent/field/bus/bus_doubt.h"
 
 #include <gtest/gtest.h>
 

@@ -3,7 +3,7 @@
 // The limits: an answer comes at most twice timeout_ms after its request. A duplicate follows its
 // original directly. An unsolicited answer comes only while no request is pending. Modbus TCP has
 // no limit.
-#include "agent/field/bus/overheard.h"
+#include "agent/field/bus/late_answers.h"
 
 #include <gtest/gtest.h>
 
@@ -46,12 +46,12 @@ TEST(LateAnswers, MoreBytesThanAreOwedAreAnothers) {
   LateAnswers late;
   for (const std::uint32_t bytes : {1U, 8U})
     late.given_up(LateAnswers::Owed::data, SteadyTime{}, milliseconds(200), bytes);
-  EXPECT_FALSE(late.came(4));
-  EXPECT_FALSE(late.came(5));
-  EXPECT_TRUE(late.came(1));
+  EXPECT_FALSE(late.add_received(4));
+  EXPECT_FALSE(late.add_received(5));
+  EXPECT_TRUE(late.add_received(1));
   late.settled();
   late.given_up(LateAnswers::Owed::data, SteadyTime{}, milliseconds(200), 8);
-  EXPECT_FALSE(late.came(8)) << "the earlier ones are settled";
+  EXPECT_FALSE(late.add_received(8)) << "the earlier ones are settled";
 }
 
 struct Line {
