@@ -192,14 +192,15 @@ void LinkState::opened() {
   if (!link_.bus.is_open() || was_open_) return;
   // A peer that babbles, or closes what it accepts, accepts every connection. It is back when it
   // has answered.
-  if (!link_.bus.channel().never_silent() && !was_refused_) reconnect_policy_.opened();
+  if (!link_.bus.channel().never_silent() && !peer_refused_) reconnect_policy_.opened();
   was_open_ = true;
   // A UDP port opens even if nothing is there.
-  if (link_.bus.channel().transport().has_datagrams() && is_asked(link_.devices)) is_vain_ = true;
-  if (!is_vain_) log_up_once();
+  if (link_.bus.channel().transport().has_datagrams() && is_asked(link_.devices))
+    up_awaits_answer_ = true;
+  if (!up_awaits_answer_) log_up_once();
   SteadyTime from = Clock::now();
   for (const auto& device : link_.devices) {
-    if (was_down_) from = read_at_once(link_, *device, from);
+    if (was_ever_down_) from = read_at_once(link_, *device, from);
     if (device->codec->is_broadcast()) update(*device);  // it has no answers that would do this
   }
 }
@@ -217,15 +218,15 @@ void LinkState::open_failed(const std::string& why) {
 }
 
 void LinkState::lost(const std::string& why) {
-  is_left_ = false;
-  was_refused_ = is_refused(link_);
-  if (was_open_ && was_refused_)
+  closed_as_dead_ = false;
+  peer_refused_ = is_refused(link_);
+  if (was_open_ && peer_refused_)
     next_open_ = Clock::now() + reconnect_policy_.after_failure(kAfterRefusal);
   else if (was_open_)
     next_open_ =
         Clock::now() + (link_.bus.channel().never_silent() ? reconnect_policy_.after_failure()
                                                            : reconnect_policy_.after_loss());
-  const bool is_closed = was_refused_ && !link_.bus.channel().transport().has_datagrams();
+  const bool is_closed = peer_refused_ && !link_.bus.channel().transport().has_datagrams();
   if (is_closed)
     go_down(why + " before its first answer", checklist_of_closed(link_.devices));
   else
@@ -235,11 +236,11 @@ void LinkState::lost(const std::string& why) {
 void LinkState::go_down(std::string why, const std::string& note) {
   if (logged_up_ || why != why_down_)
     log_state(log::warn, "link", link_.config.name, "down", why, note);
-  is_vain_ = !is_serial(link_.config) &&
-             (was_refused_ ||
-              (was_open_ && !link_.bus.channel().was_answered() && is_asked(link_.devices)));
+  up_awaits_answer_ = !is_serial(link_.config) &&
+                      (peer_refused_ || (was_open_ && !link_.bus.channel().was_answered() &&
+                                         is_asked(link_.devices)));
   logged_up_ = was_open_ = false;
-  was_down_ = true;
+  was_ever_down_ = true;
   why_down_text_ = note.empty() ? why : why + ": " + note;
   why_down_ = std::move(why);
   all_fell_silent();
@@ -254,14 +255,14 @@ void LinkState::all_fell_silent() {
 
 void LinkState::yielded(const std::string& text) {
   if (std::exchange(yielded_, text) == text) return;
-  was_open_ = is_left_ = false;
+  was_open_ = closed_as_dead_ = false;
   log::info("link", {{"link", link_.config.name}, {"state", "yielded"}, {"note", text}});
   all_fell_silent();
 }
 
 void LinkState::taken_back() {
   yielded_.clear();
-  was_down_ = true;  // all is read at once when it is open
+  was_ever_down_ = true;  // all is read at once when it is open
   next_open_ = Clock::now();
   log::info("link", {{"link", link_.config.name}, {"state", "taken_back"}});
 }
@@ -290,7 +291,7 @@ bool LinkState::exchanged(LinkDevice& device, const Exchange& exchange) {
 
 void LinkState::answered(LinkDevice& device) {
   unanswered_in_a_row_ = 0;
-  if (std::exchange(is_vain_, false) && was_open_) log_up_once();
+  if (std::exchange(up_awaits_answer_, false) && was_open_) log_up_once();
   if (!link_.bus.channel().never_silent()) reconnect_policy_.opened();
   device.state.answered();
   device.gateway_says.clear();
@@ -319,8 +320,8 @@ void LinkState::unanswered(LinkDevice& device, PolledDevice::AskedBy by) {
   const int limit = std::max(kDeadPeerAfter, static_cast<int>(link_.devices.size()) + 1);
   if (++unanswered_in_a_row_ < limit || is_serial(link_.config) || !was_open_) return;
   link_.bus.close();
-  was_refused_ = false;
-  is_left_ = true;
+  peer_refused_ = false;
+  closed_as_dead_ = true;
   next_open_ = Clock::now() + reconnect_policy_.after_loss();
   go_down(link_.bus.channel().transport().has_datagrams() ? "no answers on this UDP port"
                                                           : "no answers on this connection",
@@ -333,7 +334,7 @@ void LinkState::update(LinkDevice& device) {
   facts.yielded = yielded_;
   facts.silent = is_silent(link_, device);
   const bool opens_again = was_open_ && link_.bus.channel().closed_after_silence();
-  facts.bus_open = link_.bus.is_open() || opens_again || (is_left_ && facts.silent);
+  facts.bus_open = link_.bus.is_open() || opens_again || (closed_as_dead_ && facts.silent);
   facts.never_silent = link_.bus.channel().never_silent();
   if (!facts.bus_open)
     facts.why_offline = why_down_text_;

@@ -33,6 +33,8 @@ class BusLog final {
   std::optional<SteadyTime> doubt_logged_at_;
 };
 
+/// A link is up while its bus is open. On UDP, and after a session without an answer, a device must
+/// have answered as well.
 class LinkState final {
  public:
   /// The bus must be closed; `links` is the number of links.
@@ -44,8 +46,7 @@ class LinkState final {
   /// Returns the earliest time to open the closed bus.
   SteadyTime next_open() const { return next_open_; }
 
-  /// Call when the bus may have been opened. Marks the link as up if it was not; on UDP, and after
-  /// a session without an answer, answered() does.
+  /// Call when the bus may have been opened. Marks the link as up, unless that awaits an answer.
   void opened();
   /// Records that the bus could not be opened.
   void open_failed(const std::string& why);
@@ -104,11 +105,11 @@ class LinkState final {
   bool was_open_ = false;      ///< also while it is reopened after a silence
   /// Closed because no device answers. A silent device then counts as silent, whether or not the
   /// bus is open.
-  bool is_left_ = false;
-  bool was_down_ = false;     ///< was lost, failed to open or was taken back
-  bool logged_up_ = false;    ///< the log reports the link as up
-  bool is_vain_ = false;      ///< the link is up at its first answer only
-  bool was_refused_ = false;  ///< and its peer ended it
+  bool closed_as_dead_ = false;
+  bool was_ever_down_ = false;     ///< was lost, failed to open or was taken back
+  bool logged_up_ = false;         ///< the log reports the link as up
+  bool up_awaits_answer_ = false;  ///< when open, it is reported as up after its first answer
+  bool peer_refused_ = false;      ///< the peer ended the last attempt or session unanswered
   int unanswered_in_a_row_ = 0;
   std::string yielded_;                 ///< empty: the port is ours
   Reason why_stopping_ = Reason::none;  ///< none: not stopping
