@@ -124,19 +124,17 @@ std::optional<nanoseconds> LinkCommands::bound_of(const WaitingCommand& command)
 /// Shares the bus between one command, the polls and the commands waiting behind it.
 class LinkCommands::Sharing final : public BusSharing {
  public:
-  Sharing(LinkCommands& commands, const WaitingCommand& command)
-      : commands_(commands), command_(command), outer_(commands.sharing_) {
-    commands.sharing_ = this;
-  }
-  Sharing(const Sharing&) = delete;
-  Sharing& operator=(const Sharing&) = delete;
-  ~Sharing() override { commands_.sharing_ = outer_; }
+  Sharing(LinkCommands& commands, WaitingCommand& command)
+      : commands_(commands), command_(command) {}
 
   /// Polls have their share as between commands. Waiting commands have as much line time as this
   /// one has used, in queue order. A short one runs after the first target; one as long as this one
   /// waits for its end. No command exceeds its bound that way.
   asio::awaitable<void> give_way(nanoseconds used) override {
-    if (!at_a_target_) within_ += used;
+    if (!at_a_target_) {
+      within_ += used;
+      command_.credit += used;
+    }
     at_a_target_ = false;
     PollScheduler& scheduler = commands_.link_.scheduler;
     scheduler.share().command_waits();  // the rest of this one
@@ -148,8 +146,9 @@ class LinkCommands::Sharing final : public BusSharing {
       if (job.kind == PollScheduler::Job::Kind::poll) {
         const Raised polling(commands_.polling_);
         if (!co_await run_poll(job.poll)) break;
-      } else if (commands_.may_go_between(credit())) {
-        give(commands_.waiting_.front().line_time);
+      } else if (commands_.may_go_between()) {
+        for (WaitingCommand& running : commands_.running_)
+          running.credit -= commands_.waiting_.front().line_time;
         co_await commands_.run_next();
       } else {
         break;
@@ -180,8 +179,7 @@ class LinkCommands::Sharing final : public BusSharing {
 
   void concluded(std::size_t target, const TargetResult& outcome) override {
     const AdmittedCommand& admitted = command_.admitted;
-    had_ += admitted.targets[target].line_time;
-    within_ = {};
+    command_.credit += admitted.targets[target].line_time - std::exchange(within_, {});
     at_a_target_ = true;
     commands_.after_write(*command_.device, admitted.targets[target], outcome);
   }
@@ -206,32 +204,19 @@ class LinkCommands::Sharing final : public BusSharing {
     co_return commands_.link_.bus.counters().exchanges != before;
   }
 
-  /// Returns the line time that others may use now: what this command has used and not yet given
-  /// away, at most the credit of the command that it interrupts.
-  nanoseconds credit() const {
-    const nanoseconds own = had_ + within_ - given_;
-    return outer_ == nullptr ? own : std::min(own, outer_->credit());
-  }
-  void give(nanoseconds line_time) {
-    for (Sharing* each = this; each != nullptr; each = each->outer_) each->given_ += line_time;
-  }
-
   LinkCommands& commands_;
-  const WaitingCommand& command_;
-  Sharing* const outer_;  ///< of the command that rests while this one runs
-  // Planned line time, of which bounds are made.
-  nanoseconds had_{0};     ///< used by the targets with an outcome
-  nanoseconds within_{0};  ///< used by the current target
-  nanoseconds given_{0};   ///< given to other commands
+  WaitingCommand& command_;
+  nanoseconds within_{0};  ///< line time used by the current target
   bool at_a_target_ = false;
   /// Kept, because the conflict may end between two targets.
   mutable bool met_conflict_ = false;
 };
 
-bool LinkCommands::may_go_between(nanoseconds credit) const {
-  if (waiting_.empty() || waiting_.front().line_time > credit) return false;
+bool LinkCommands::may_go_between() const {
+  if (waiting_.empty()) return false;
   const WaitingCommand& next = waiting_.front();
   return std::none_of(running_.begin(), running_.end(), [&next](const WaitingCommand& under_way) {
+    if (next.line_time > under_way.credit) return true;
     if (next.device != under_way.device) return false;
     // A STOP must not wait. A RUN may be meant to follow the current writes. Places that are read
     // or written twice keep their sequence.
@@ -251,7 +236,7 @@ asio::awaitable<void> LinkCommands::run_next() {
   running_.push_back(std::move(waiting_.front()));
   waiting_.pop_front();
   link_.scheduler.share().command_taken();
-  const WaitingCommand& running = running_.back();
+  WaitingCommand& running = running_.back();
   const AdmittedCommand& admitted = running.admitted;
   LinkDevice& device = *running.device;
 

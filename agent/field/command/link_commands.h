@@ -18,13 +18,16 @@
 
 namespace fxagent {
 
-/// An admitted command in the queue.
+/// An admitted command in the queue, or running.
 struct WaitingCommand {
   AdmittedCommand admitted;
   LinkDevice* device = nullptr;
   /// Longest reads that the device answered when the bound was set: the bound counts these reads.
   std::vector<Holes::Limit> read_limits{};
   std::chrono::nanoseconds line_time{0};
+  /// Line time that other commands may use between its parts: what it has used itself (planned, of
+  /// the targets with an outcome; measured, of the current one) and not yet given away.
+  std::chrono::nanoseconds credit{0};
 };
 
 class LinkCommands final {
@@ -62,8 +65,8 @@ class LinkCommands final {
   /// session.
   std::chrono::nanoseconds handshakes() const;
   /// True if the next waiting command may run between two parts of the running one: it takes at
-  /// most `credit` and touches nothing that a resting command of its device touches.
-  bool may_go_between(std::chrono::nanoseconds credit) const;
+  /// most the credit of each running command and touches nothing that one of its device touches.
+  bool may_go_between() const;
   void after_write(LinkDevice& device, const AdmittedTarget& target, const TargetResult& outcome);
 
   asio::any_io_executor executor_;
@@ -74,7 +77,6 @@ class LinkCommands final {
   std::list<WaitingCommand> waiting_;
   /// The running command, then the command between two of its parts, and so on.
   std::list<WaitingCommand> running_;
-  Sharing* sharing_ = nullptr;  ///< of the last running command
   bool over_ = false;
   bool polling_ = false;
 };
