@@ -32,14 +32,14 @@ asio::awaitable<Exchange> Bus::exchange(Station& station, Request request, Stead
   if (!overheard_.tells_answers_apart(codec))
     if (const auto open = wire_.take_arrived(codec); !open)
       co_return Exchange::unsent(Exchange::Outcome::link_down, open.error().text);
-  Exchange failed;
-  const bool ready = co_await prepare(station, request, failed);
-  if (!ready) {
-    if (!overheard_.is_silence(failed)) overheard_.doubt().exchange_was_unclear();
-    co_return failed;
+  Prepared prepared = co_await prepare(station, request);
+  if (prepared.failure) {
+    if (!overheard_.is_silence(*prepared.failure)) overheard_.doubt().exchange_was_unclear();
+    prepared.failure->sent = false;  // enquiry and probe are not part of the caller's request
+    co_return std::move(*prepared.failure);
   }
   Exchange exchange = co_await ask(station, request, not_after);
-  exchange.rest += failed.rest;
+  exchange.rest += prepared.rest;
   if (overheard_.is_out_of_step(codec, exchange)) overheard_.doubt().was_out_of_step(wire_.now());
   const bool again = exchange.is_data() && !exchange.doubted && is_read(request) &&
                      !overheard_.tells_answers_apart(codec) &&
@@ -88,18 +88,14 @@ asio::awaitable<Exchange> Bus::ask(Station& station, const Request& request, Ste
   co_return exchange;
 }
 
-asio::awaitable<bool> Bus::prepare(Station& station, const Request& request, Exchange& failed) {
+asio::awaitable<Bus::Prepared> Bus::prepare(Station& station, const Request& request) {
   const Codec& codec = *station.codec;
   const bool bus_doubted =
       overheard_.doubt().is_doubted() && !overheard_.tells_answers_apart(codec);
   const bool in_doubt = overheard_.late().owed() != LateAnswers::Owed::none || bus_doubted;
   const bool may_enquire = station.enquire != EnquirePolicy::never;
   const auto resync = codec.resync();
-  const auto refuse = [&failed](Exchange exchange) {
-    failed = std::move(exchange);
-    failed.sent = false;  // enquiry and probe are not part of the caller's request
-    return false;
-  };
+  Prepared out;
   if (in_doubt) {
     station.handshake_in = 0;
     const nanoseconds quiet =
@@ -115,8 +111,8 @@ asio::awaitable<bool> Bus::prepare(Station& station, const Request& request, Exc
     bool still_open = true;
     if (!is_quiet) still_open = co_await wire_.drain(codec, until, quiet);
     if (!still_open) {
-      failed = Exchange::unsent(Exchange::Outcome::link_down, wire_.channel().why_lost());
-      co_return false;
+      out.failure = Exchange::unsent(Exchange::Outcome::link_down, wire_.channel().why_lost());
+      co_return out;
     }
   }
   const bool wanted =
@@ -124,9 +120,12 @@ asio::awaitable<bool> Bus::prepare(Station& station, const Request& request, Exc
   if (resync && may_enquire && wanted) {
     Exchange enquiry = co_await wire_.exchange(station, *resync, SteadyTime::max());
     const bool answered = enquiry.is_ack() || !station.codec->expects_reply(*resync);
-    if (!answered) co_return refuse(std::move(enquiry));
+    if (!answered) {
+      out.failure = std::move(enquiry);
+      co_return out;
+    }
     station.handshake_in = wire_.channel().session();
-    failed.rest = enquiry.line_time();
+    out.rest = enquiry.line_time();
   }
   // The enquiry's ACK may have been a write's late ACK. Without an enquiry, a read's late NAK could
   // pass for the answer to a write.
@@ -135,31 +134,32 @@ asio::awaitable<bool> Bus::prepare(Station& station, const Request& request, Exc
       (overheard_.late().owed() == LateAnswers::Owed::data && !is_read(request) &&
        !enquiry_settles(station) && !overheard_.tells_answers_apart(codec));
   if (may_mislead || bus_doubted) {
-    Exchange probing = co_await probe(station, request);
-    if (!probing.has_answer()) co_return refuse(std::move(probing));
+    auto unanswered = co_await probe(station, request);
+    if (unanswered) {
+      out.failure = std::move(unanswered);
+      co_return out;
+    }
   }
   overheard_.late().settled();
-  co_return true;
+  co_return out;
 }
 
-asio::awaitable<Exchange> Bus::probe(const Station& station, const Request& request) {
+asio::awaitable<std::optional<Exchange>> Bus::probe(const Station& station,
+                                                    const Request& request) {
   const Codec& codec = *station.codec;
   // A read is never answered by an ACK, and the device answers in order: once the data of the probe
   // is here, nothing older is on its way. The answer to a failed probe may still come, so the next
   // probe has an answer of another length.
-  Exchange probing;
-  for (int i = 0; i < kProbesInARow && !probing.is_data(); ++i) {
+  for (int i = 0; i < kProbesInARow; ++i) {
     auto question = codec.probe(overheard_.late().probe());
     if (!question && overheard_.doubt().is_doubted()) question = codec.shorter_read(request);
-    if (!question) {
-      probing.outcome = Exchange::Outcome::answered;  // no read with an answer of another length
-      co_return probing;
-    }
-    probing = co_await wire_.exchange(station, std::move(*question), SteadyTime::max());
-    if (!probing.is_data()) overheard_.late().probe_failed();
+    if (!question) break;  // no read with an answer of another length
+    Exchange probing = co_await wire_.exchange(station, std::move(*question), SteadyTime::max());
+    if (probing.is_data()) break;
+    overheard_.late().probe_failed();
     if (!probing.has_answer()) co_return probing;
   }
-  co_return probing;
+  co_return std::nullopt;
 }
 
 nanoseconds Bus::quiet_in_doubt() const {

@@ -5,6 +5,7 @@
 #include <asio/awaitable.hpp>
 #include <chrono>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -68,11 +69,15 @@ class Bus final {
  private:
   /// Performs one exchange on a line that is in order, then judges its answer.
   asio::awaitable<Exchange> ask(Station& station, const Request& request, SteadyTime not_after);
-  /// Puts the line in order. False: the device did not answer or the channel closed; see `failed`.
-  /// True: `failed.rest` is the line time of an enquiry.
-  asio::awaitable<bool> prepare(Station& station, const Request& request, Exchange& failed);
-  /// Reads something whose answer cannot be an older one. Afterwards no older answer is on its way.
-  asio::awaitable<Exchange> probe(const Station& station, const Request& request);
+  struct Prepared {
+    std::optional<Exchange> failure;   ///< the device did not answer, or the channel closed
+    std::chrono::nanoseconds rest{0};  ///< line time of an enquiry
+  };
+  /// Puts the line in order.
+  asio::awaitable<Prepared> prepare(Station& station, const Request& request);
+  /// Reads something whose answer cannot be an older one, if the protocol has such a read.
+  /// Afterwards no older answer is on its way. Returns the probe that went unanswered, if any.
+  asio::awaitable<std::optional<Exchange>> probe(const Station& station, const Request& request);
   /// Returns how long the slowest answer on this line may take.
   std::chrono::nanoseconds quiet_in_doubt() const;
 
