@@ -1,6 +1,7 @@
 // Runs the field thread and its links. Everything else in this directory runs on that thread.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -18,6 +19,10 @@ namespace fxagent {
 
 /// `off`: devices only answer commands, as the command line needs it.
 enum class Polling : std::uint8_t { on, off };
+
+/// Time for the exchange on the wire and the read-back of a command when its link or device ends:
+/// at a stop, or because the config changes.
+inline constexpr std::chrono::milliseconds kFinishWithin{2500};
 
 class Field final {
  public:
@@ -57,10 +62,10 @@ class Field final {
   void post(std::function<void()> call);
   // A changed config takes two calls, end() and begin(). Any thread. Unchanged links and devices
   // run on undisturbed.
-  /// Ends the links and devices that the change ends. What is on the wire has 2.5 s; on a link that
-  /// stays, it has as long as the exchange takes. Waiting commands get FAILED reloading, as
-  /// does every command for these devices until begin(). `done` is called on the field thread when
-  /// all their results and counters are in the outbox, but never if stop() comes first.
+  /// Ends the links and devices that the change ends. What is on the wire has kFinishWithin; on a
+  /// link that stays, it has as long as the exchange takes. Waiting commands get FAILED reloading,
+  /// as does every command for these devices until begin(). `done` is called on the field thread
+  /// when all their results and counters are in the outbox, but never if stop() comes first.
   void end(std::shared_ptr<const ConfigChange> change, Done done);
   /// Call after end(). Applies the new config and begins what the change adds. `last_seq` as in the
   /// constructor; a device whose name was used earlier in this run continues its own numbers.
@@ -68,8 +73,9 @@ class Field final {
   void begin(std::shared_ptr<const ConfigChange> change, std::vector<std::uint64_t> last_seq,
              Done done);
 
-  /// Stops polling, ends the command on each wire within 3 s, answers waiting commands with FAILED
-  /// shutting_down, and joins the thread. Afterwards the outbox holds every result.
+  /// Stops polling, ends the command on each wire after kFinishWithin at the latest, answers
+  /// waiting commands with FAILED shutting_down, and joins the thread. Afterwards the outbox holds
+  /// every result.
   void stop();
   /// Returns the links that have not ended: the first names and the number of the others. Any
   /// thread, while stop() waits.

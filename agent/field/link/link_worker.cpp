@@ -19,8 +19,6 @@ constexpr BackOff kAlone{milliseconds(500), milliseconds(4000)};
 constexpr BackOff kShared{milliseconds(1000), milliseconds(30000)};
 // Pause after a bug before the link begins anew, so that the log stays readable.
 constexpr milliseconds kAfterFault{1000};
-// Time for the exchange on the wire and the read-back when the agent stops.
-constexpr milliseconds kFinishWithin{2500};
 // Shortest window of busy_percent: health may be asked for at any moment, and a moment shows
 // nothing.
 constexpr milliseconds kBusyOver{4500};

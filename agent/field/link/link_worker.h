@@ -58,8 +58,8 @@ class LinkWorker final {
            std::span<const std::uint64_t> last_seq);
   /// Removes devices from the link without disturbing the others. Their waiting commands get FAILED
   /// reloading. A running command writes nothing more: its exchange on the wire ends, and its
-  /// read-back has 2.5 s. `left` is called with them when all their results are in the outbox: at
-  /// once, or after the exchange on the wire.
+  /// read-back has kFinishWithin. `left` is called with them when all their results are in the
+  /// outbox: at once, or after the exchange on the wire.
   void remove(std::span<const std::uint32_t> devices, std::function<void(LinkDevices)> left);
   /// Applies poll_share, listening and allow_yield of `link`. A yield no longer allowed ends.
   void adjust(const LinkConfig& link);
@@ -76,9 +76,9 @@ class LinkWorker final {
   /// Ends the yield at once.
   void take_back(Done done);
 
-  /// Ends run() within 3 s: cuts a poll short and answers waiting commands with FAILED `why`, which
-  /// is shutting_down or reloading. A running command writes nothing more; its exchange on the wire
-  /// and its read-back have 2.5 s.
+  /// Ends run(): cuts a poll short and answers waiting commands with FAILED `why`, which is
+  /// shutting_down or reloading. A running command writes nothing more; its exchange on the wire
+  /// and its read-back have kFinishWithin.
   void stop(Reason why = Reason::shutting_down);
   /// True once run() has ended. Any thread.
   bool has_ended() const { return ended_; }
