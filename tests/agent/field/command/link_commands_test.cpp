@@ -211,6 +211,29 @@ TEST_F(LinkCommandsTest, NobodyGoesPastOneThatWaitsForTheEndOfTheList) {
   EXPECT_EQ(ended(), (Ids{"list", "short", "waits"})) << "between the targets of the other list";
 }
 
+TEST_F(LinkCommandsTest, OneWithinAnotherUsesNoMoreThanBothHaveUsed) {
+  add("outer", {0, 0, 0, 0});
+  add("inner", {1, 1});
+  add("short", {2});
+  EXPECT_EQ(ended(), (Ids{"inner", "short", "outer"}))
+      << "not between the targets of the inner one";
+}
+
+TEST_F(LinkCommandsTest, OneWithinAnotherIsChargedToBoth) {
+  int writes = 0;
+  wire->then([&](ByteView request) {
+    const bool is_write = request.size() > 11;
+    if (is_write && ++writes == 3) {
+      add("inner", {1, 1});
+      add("short", {2});
+      add("last", {3});
+    }
+    return plc.answer(request);
+  });
+  add("outer", {0, 0, 0, 0});
+  EXPECT_EQ(ended(), (Ids{"short", "inner", "outer"}));
+}
+
 TEST_F(LinkCommandsTest, StopGoesBetweenTheTargetsOfALongList) {
   answer_run_and_stop();
   plc.set(kM8000, {1});
