@@ -6,7 +6,6 @@
 #include <utility>
 
 #include "agent/failpoint.h"
-#include "agent/handover/status.h"
 #include "agent/log/log.h"
 
 namespace fxagent {
@@ -29,13 +28,11 @@ constexpr std::size_t kHistoryBytes = 16384;
 }  // namespace
 
 HistoryDelivery::HistoryDelivery(SamplePayload& payload, Outgoing& outgoing,
-                                 RefusedDevices& refused, WaitingSamples& waiting,
-                                 SampleCounts& counts)
+                                 RefusedDevices& refused, WaitingSamples& waiting)
     : payload_(payload),
       outgoing_(outgoing),
       refused_(refused),
       waiting_(waiting),
-      counts_(counts),
       max_bytes_(kHistoryBytes) {}
 
 /// A small window has one place for history; the rest is for live samples and results.
@@ -52,11 +49,11 @@ void HistoryDelivery::pump(bool rests, SteadyTime now) {
     });
     if (!history) return;
     if (history->publications.empty()) {
-      waiting_.remove(*history, waiting_.dropped().as_refused(history->batch.stream.device));
+      waiting_.remove(*history, SampleEnd::refused);
       rests_until_ = now + kBetweenDrops;
       return;
     }
-    counts_.published += history->batch.row_ids.size();
+    published_ += history->batch.row_ids.size();
     const std::uint64_t id = outgoing_.send(*this, std::exchange(history->publications, {}));
     flights_.emplace(id, Flight{std::move(*history), max_bytes_, now});
   }
@@ -78,7 +75,7 @@ HistoryDelivery::Flight HistoryDelivery::ended(std::uint64_t id, SteadyTime now)
 void HistoryDelivery::delivered(std::uint64_t id, SteadyTime now) {
   const Flight flight = ended(id, now);
   failpoint("history_acknowledged");
-  waiting_.remove(flight.history, [this](std::uint64_t count) { counts_.acknowledged += count; });
+  waiting_.remove(flight.history, SampleEnd::acknowledged);
   refused_.accepted(flight.history.batch.stream.device, flight.since);
 }
 
@@ -92,7 +89,7 @@ void HistoryDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
                                   {"rows", std::to_string(batch.row_ids.size())},
                                   {"code", hex_code(event.reason_code)},
                                   {"reason", event.text}});
-    return waiting_.remove(history, waiting_.dropped().as_refused(batch.stream.device));
+    return waiting_.remove(history, SampleEnd::refused);
   }
   waiting_.returned(history);
   if (can_be_cut)

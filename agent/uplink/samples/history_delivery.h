@@ -15,9 +15,9 @@ namespace fxagent {
 
 class HistoryDelivery final : public Outgoing::Sender {
  public:
-  /// All references outlive the object. Adds to `counts` the samples published and acknowledged.
+  /// All references outlive the object.
   HistoryDelivery(SamplePayload& payload, Outgoing& outgoing, RefusedDevices& refused,
-                  WaitingSamples& waiting, SampleCounts& counts);
+                  WaitingSamples& waiting);
 
   /// Sends messages for which there is room. Call only if no live samples are waiting. `rests`:
   /// history pauses after each message.
@@ -30,6 +30,8 @@ class HistoryDelivery final : public Outgoing::Sender {
   void failed(const DeliveryFailed& event, SteadyTime now) override;
 
   bool is_on_the_way() const { return !flights_.empty(); }
+  /// Number of samples published, repeats included.
+  std::uint64_t published() const { return published_; }
   /// Returns the time by which pump() must run, apart from acknowledgements.
   SteadyTime next_wake(SteadyTime now) const;
 
@@ -48,8 +50,8 @@ class HistoryDelivery final : public Outgoing::Sender {
   Outgoing& outgoing_;
   RefusedDevices& refused_;
   WaitingSamples& waiting_;
-  SampleCounts& counts_;
   std::map<std::uint64_t, Flight> flights_;  ///< by publication id
+  std::uint64_t published_ = 0;
   SteadyTime rests_until_{};  ///< until then live samples have the broker to themselves
   std::size_t max_bytes_;     ///< of one message; reduced if it is too large
 };

@@ -30,7 +30,7 @@ SampleDelivery::SampleDelivery(const Config& config, std::string boot, SamplePay
       outgoing_(outgoing),
       refused_(backoff),
       spool_(store, backlog_bytes),
-      history_(payload, outgoing, refused_, spool_.waiting(), counts_),
+      history_(payload, outgoing, refused_, spool_.waiting()),
       meta_hashes_(config.devices.size()) {}
 
 void SampleDelivery::change(const ConfigChange& change) {
@@ -121,10 +121,10 @@ void SampleDelivery::pump_live(SteadyTime now) {
     }
     auto publications = payload_.sample(live.row.stream, record_);
     if (publications.empty()) {
-      complete(live);
+      spool_.waiting().remove(live, SampleEnd::acknowledged);
       continue;
     }
-    ++counts_.published;
+    ++published_;
     const std::uint64_t id = outgoing_.send(*this, std::move(publications));
     flights_.emplace(id, Flight{std::move(live), now});
   }
@@ -165,15 +165,8 @@ void SampleDelivery::spool_live() {
 void SampleDelivery::delivered(std::uint64_t id, SteadyTime) {
   const Flight flight = std::move(flights_.extract(id).mapped());
   failpoint("sample_acknowledged");
-  complete(flight.live);
+  spool_.waiting().remove(flight.live, SampleEnd::acknowledged);
   refused_.accepted(flight.live.row.stream.device, flight.since);
-}
-
-void SampleDelivery::complete(const LiveRow& live) {
-  if (live.stored)
-    spool_.remove(live, [this](std::uint64_t count) { counts_.acknowledged += count; });
-  else
-    ++counts_.acknowledged;
 }
 
 void SampleDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
@@ -184,8 +177,7 @@ void SampleDelivery::failed(const DeliveryFailed& event, SteadyTime now) {
     log::warn("sample_refused", {{"device", row.stream.device},
                                  {"code", hex_code(event.reason_code)},
                                  {"reason", event.text}});
-    const auto drop = spool_.waiting().dropped().as_refused(row.stream.device);
-    return live.stored ? spool_.remove(live, drop) : drop(1);
+    return spool_.waiting().remove(live, SampleEnd::refused);
   }
   refused_.refused(row.stream.device, event, now);
   spool_.add(std::move(live));
@@ -198,8 +190,7 @@ void SampleDelivery::add_to(SampleCounts& counts) const {
   counts.queued += static_cast<std::uint64_t>(std::ranges::count(live_, false, &LiveRow::stored));
   counts.in_flight += static_cast<std::uint64_t>(
       std::ranges::count_if(flights_, [](const auto& each) { return !each.second.live.stored; }));
-  counts.acknowledged += counts_.acknowledged;
-  counts.published += counts_.published;
+  counts.published += published_ + history_.published();
 }
 
 SteadyTime SampleDelivery::next_wake(SteadyTime now) const {

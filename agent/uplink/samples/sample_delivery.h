@@ -89,8 +89,6 @@ class SampleDelivery final : public Outgoing::Sender {
 
   void hold_on_disk(SteadyTime now);
   bool may_send(const std::string& device, SteadyTime now) const;
-  /// Releases a sample that needs no more messages.
-  void complete(const LiveRow& live);
 
   const Config& config_;
   const std::string boot_;
@@ -98,7 +96,7 @@ class SampleDelivery final : public Outgoing::Sender {
   Outgoing& outgoing_;
   RefusedDevices refused_;
   SampleSpool spool_;
-  SampleCounts counts_;  ///< only published (repeats too) and acknowledged; history_ adds to it
+  std::uint64_t published_ = 0;  ///< repeats included, history not
   HistoryDelivery history_;
   std::vector<std::string> meta_hashes_;  ///< by device; empty: not computed yet
 

@@ -103,11 +103,20 @@ void WaitingSamples::returned(const OutgoingHistory& message) {
   message.on_disk ? store_->samples().returned(message.batch) : backlog_.returned(message.batch);
 }
 
-void WaitingSamples::remove(const OutgoingHistory& message, const GuardedSamples::Removed& then) {
-  if (message.on_disk)
-    store_->samples().remove(message.batch, then);
-  else
-    then(backlog_.remove(message.batch));
+void WaitingSamples::remove(const OutgoingHistory& message, SampleEnd end) {
+  const auto count = counted_as(end, message.batch.stream.device);
+  message.on_disk ? store_->samples().remove(message.batch, count)
+                  : count(backlog_.remove(message.batch));
+}
+
+void WaitingSamples::remove(const LiveRow& live, SampleEnd end) {
+  const auto count = counted_as(end, live.row.stream.device);
+  live.stored ? store_->samples().remove(live.row.row_id, count) : count(1);
+}
+
+GuardedSamples::Removed WaitingSamples::counted_as(SampleEnd end, const std::string& device) {
+  if (end == SampleEnd::acknowledged) return [this](auto count) { acknowledged_ += count; };
+  return [this, device](auto count) { dropped_.add(device, count, DropCause::refused); };
 }
 
 bool WaitingSamples::has_waiting(const std::string& device) const {
@@ -126,6 +135,7 @@ void WaitingSamples::count_dropped() {
 void WaitingSamples::add_to(SampleCounts& counts) const {
   counts.stored += backlog_.rows();
   counts.dropped += dropped_.total();
+  counts.acknowledged += acknowledged_;
   if (store_ == nullptr) return;
   const GuardedStore::Figures figures = store_->figures();
   counts.queued += store_->samples().at_disk();
@@ -158,10 +168,6 @@ bool SampleSpool::hold(std::vector<SampleRow>& rows) {
   if (store_ == nullptr || !store_->samples().hold(rows)) return false;
   waiting_.count_dropped();
   return true;
-}
-
-void SampleSpool::remove(const LiveRow& live, const GuardedSamples::Removed& then) {
-  store_->samples().remove(live.row.row_id, then);
 }
 
 void SampleSpool::close() {

@@ -29,22 +29,17 @@ struct SampleCounts;
 /// Place that was full and caused a loss. `refused`: the broker or the format does not accept it.
 enum class DropCause : std::uint8_t { outbox, memory, store, refused };
 
+/// End of a sample that needs no more messages. `refused`: it counts as dropped.
+enum class SampleEnd : std::uint8_t { acknowledged, refused };
+
 /// Counts the samples that were lost: dropped to make room, or refused for good.
 class DroppedSamples final {
  public:
-  DroppedSamples& operator=(DroppedSamples&&) = delete;  // as_refused() keeps its address
-
   /// The device may exist only in the store.
   void add(const std::string& device, std::uint64_t count, DropCause cause) {
     by_device_[device] += count;
     total_ += count;
     if (count != 0) last_cause_ = cause;
-  }
-  /// Returns the `then` of a removal that counts the rows as refused for good.
-  GuardedSamples::Removed as_refused(std::string device) {
-    return [this, device = std::move(device)](std::uint64_t count) {
-      add(device, count, DropCause::refused);
-    };
   }
   DropCause last_cause() const { return last_cause_; }
   std::uint64_t total() const { return total_; }
@@ -108,7 +103,7 @@ struct OutgoingHistory {
 };
 
 /// Samples that wait on disk, or in memory if there is no disk or it refuses. They leave as history
-/// messages, oldest first. Counts the rows that must make room.
+/// messages, oldest first. Counts the rows that must make room, and the samples that are complete.
 class WaitingSamples final {
  public:
   /// `store` outlives the object. No store: rows are kept in `backlog_bytes` of memory.
@@ -131,9 +126,10 @@ class WaitingSamples final {
                                       const std::function<bool(const std::string&)>& may_send);
   /// Call if the message did not arrive. Its rows wait again, in their old places.
   void returned(const OutgoingHistory& message);
-  /// Removes the rows of a message that is complete. `then` gets the number of rows that still
-  /// existed; it is called later if the disk does not answer now.
-  void remove(const OutgoingHistory& message, const GuardedSamples::Removed& then);
+  /// Removes the rows of a message or live sample that is complete. Counts those that still
+  /// existed: later if the disk does not answer now.
+  void remove(const OutgoingHistory& message, SampleEnd end);
+  void remove(const LiveRow& live, SampleEnd end);
 
   bool has_waiting(const std::string& device) const;
   const Backlog& backlog() const { return backlog_; }
@@ -141,15 +137,18 @@ class WaitingSamples final {
   const DroppedSamples& dropped() const { return dropped_; }
   /// Counts the rows that backlog and store have dropped to make room. Call after each write.
   void count_dropped();
-  /// Adds the samples that wait here, were recovered from the store, or dropped.
+  /// Adds the samples that wait here, were recovered from the store, acknowledged or dropped.
   void add_to(SampleCounts& counts) const;
 
  private:
   void store(std::vector<SampleRow> rows);
+  /// Returns the function that counts removed samples. The disk may call it later.
+  GuardedSamples::Removed counted_as(SampleEnd end, const std::string& device);
 
   GuardedStore* const store_;
   Backlog backlog_;
   DroppedSamples dropped_;
+  std::uint64_t acknowledged_ = 0;
 };
 
 /// Gathers samples that cannot be sent now, and writes several at once. Also keeps on disk those
@@ -185,8 +184,6 @@ class SampleSpool final {
   void commit_by(SteadyTime at) { commit_at_ = std::min(commit_at_, at); }
   /// Writes rows that stay in flight. True: they are on disk and held there.
   bool hold(std::vector<SampleRow>& rows);
-  /// Removes a held row that is complete (LiveRow::stored). `then` gets 1 if it still existed.
-  void remove(const LiveRow& live, const GuardedSamples::Removed& then);
   /// Writes everything to the disk and closes the store, if there is one.
   void close();
 
