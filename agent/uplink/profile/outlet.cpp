@@ -36,7 +36,7 @@ Outlet::Outlet(const Config& config, Settings settings, Profile& profile, Broker
           broker, outgoing_, settings_.mqtt, backoff_,
           {[this](const Connected& event, SteadyTime now) { connection_began(event, now); },
            [this](SteadyTime) { connection_ended(); }, [this] { samples_.spool_live(); }, [] {}},
-          settings_.name, profile.leaves_with_will() ? Will::published : Will::discarded),
+          settings_.name, profile.wants_will_at_disconnect() ? Will::published : Will::discarded),
       samples_(config, settings_.boot, profile, outgoing_, backoff_, store,
                settings_.backlog_bytes),
       drops_(samples_.spool().waiting(), store, session_),
@@ -87,7 +87,7 @@ SteadyTime Outlet::step(SteadyTime now) {
   } else {
     session_.step(now);
     subscribe(now);
-    if (profile_.take_leave() && session_.is_connected()) {
+    if (profile_.take_server_change() && session_.is_connected()) {
       farewell_.say(now);
       session_.connect_to_next_server(now);
     }
@@ -250,7 +250,7 @@ void Outlet::delivered(std::uint64_t id, SteadyTime) {
 void Outlet::failed(const DeliveryFailed& event, SteadyTime now) {
   log_failed(settings_.name, event);
   const auto result = std::ranges::find(results_, event.id, &Result::flight);
-  if (result == results_.end()) return profile_.refused();
+  if (result == results_.end()) return profile_.due_was_refused();
   if (is_final(event.reason_code)) {
     results_.erase(result);
     return;

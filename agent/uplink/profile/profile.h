@@ -24,51 +24,57 @@ class Outgoing;
 /// Takes a command that a profile has heard. Empty: the broker may not send commands.
 using RelayCommand = std::function<void(RelayedCommand command)>;
 
-/// Uplink thread only.
+/// Uplink thread only. Calls, in order: begin(); for each connection last_will(), subscriptions()
+/// and connection_began(), then subscribed(), hear(), due() and the samples as they come, and
+/// connection_ended(). Those of the last group come at any time after begin().
 class Profile : public SamplePayload {
  public:
   /// Called once, before messages are sent or received. Both outlive the profile's use: it may send
   /// messages itself in connection_began() and due().
   virtual void begin(Outgoing& /*outgoing*/, JitteredBackoff& /*backoff*/) {}
+  /// True if the broker shall publish the last will although the connection is closed on purpose.
+  virtual bool wants_will_at_disconnect() const { return false; }
+  /// False: the profile has no samples. No function of SamplePayload is called then.
+  virtual bool wants_samples() const { return true; }
+
+  // ---- a connection
+
   /// Returns the message that the broker publishes if the connection ends without a clean end.
   /// Called before each attempt to connect. An empty topic: no last will.
   virtual Publication last_will() { return {}; }
   /// Returns what to subscribe to in each connection.
   virtual std::vector<Subscription> subscriptions() const = 0;
   virtual void connection_began(const Connected& connected) = 0;
-  virtual void connection_ended() = 0;
   /// The broker has granted or refused one of the subscriptions. No answer within 1 s, or before a
   /// stop, counts as a refusal. The outlet repeats it until it is granted.
   virtual void subscribed(const Subscribed& /*event*/) {}
   /// Processes a message on one of the subscriptions.
   virtual void hear(const Message& message) = 0;
-
-  /// False: the profile has no samples. No function of SamplePayload is called then.
-  virtual bool wants_samples() const { return true; }
-  virtual void device_state(const DeviceStatus& /*status*/) {}
-  /// A sample has come from the field. It follows by sample(), or later as history.
-  virtual void saw(const Telemetry& /*sample*/, SteadyTime /*now*/) {}
-  /// Adapts to a config change, which the config already contains.
-  virtual void change(const ConfigChange& change) = 0;
-
   /// Returns messages that go before samples, such as births and states; empty: none are due.
   /// Called while connected, until it returns none. `utc_ms` is the current calendar time.
   virtual std::vector<Publication> due(SteadyTime now, std::int64_t utc_ms) = 0;
+  /// The broker or the library has refused messages of due().
+  virtual void due_was_refused() {}
+  /// Returns the time by which due() has something.
+  virtual SteadyTime next_wake() const { return SteadyTime::max(); }
+  /// False: no samples may be sent now. They wait as history.
+  virtual bool is_ready() const { return true; }
+  /// True, once, if the session must leave this server and go to the next one.
+  virtual bool take_server_change() { return false; }
+  /// Returns the last messages before the connection is closed on purpose.
+  virtual std::vector<Publication> farewell(std::int64_t /*utc_ms*/) { return {}; }
+  virtual void connection_ended() = 0;
+
+  // ---- connected or not
+
+  virtual void device_state(const DeviceStatus& /*status*/) {}
+  /// A sample has come from the field. It follows by sample(), or later as history.
+  virtual void saw(const Telemetry& /*sample*/, SteadyTime /*now*/) {}
   /// Returns the results of commands since the last call. They go after samples that were read
   /// before, repeatedly until the broker has acknowledged them, also in later connections.
   virtual std::vector<Publication> take_results() { return {}; }
-  /// The broker or the library has refused messages of due().
-  virtual void refused() {}
-  /// False: no samples may be sent now. They wait as history.
-  virtual bool is_ready() const { return true; }
-  /// Returns the time by which due() has something.
-  virtual SteadyTime next_wake() const { return SteadyTime::max(); }
-  /// Returns the last messages before the connection is closed on purpose.
-  virtual std::vector<Publication> farewell(std::int64_t /*utc_ms*/) { return {}; }
-  /// True if the broker shall publish the last will although the connection is closed on purpose.
-  virtual bool leaves_with_will() const { return false; }
-  /// True, once, if the session must leave this server and go to the next one.
-  virtual bool take_leave() { return false; }
+  /// Adapts to a config change, which the config already contains.
+  virtual void change(const ConfigChange& change) = 0;
 };
 
 // What profiles have in common when they hear a command. Pure, except for the log.

@@ -117,7 +117,7 @@ bool EdgeNode::hear_host(const Message& message) {
   return true;
 }
 
-bool EdgeNode::take_leave() { return std::exchange(leaves_, false); }
+bool EdgeNode::take_server_change() { return std::exchange(leaves_, false); }
 
 // ---- births and deaths --------------------------------------------------------------------------
 

@@ -72,8 +72,8 @@ class EdgeNode : public Profile {
   /// True if the node is born in this session, and is not to be born again.
   bool is_ready() const override { return is_born_ && !rebirth_; }
   /// True, once, if the host is offline.
-  bool take_leave() override;
-  void refused() override { request_rebirth(); }
+  bool take_server_change() override;
+  void due_was_refused() override { request_rebirth(); }
   /// A device that does not answer has no metrics: its samples wait until it does.
   bool may_send(const std::string& device) const override;
 

@@ -34,7 +34,7 @@ class SparkplugProfile final : public sparkplug::EdgeNode {
   std::vector<Subscription> subscriptions() const override;
   void hear(const Message& message) override;
   void change(const ConfigChange& change) override;
-  bool leaves_with_will() const override { return true; }
+  bool wants_will_at_disconnect() const override { return true; }
 
   std::vector<Publication> sample(const StreamKey& stream, const SampleRecord& sample) override;
   void saw(const Telemetry& sample, SteadyTime now) override;

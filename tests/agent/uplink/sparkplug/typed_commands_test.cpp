@@ -115,7 +115,7 @@ TEST_F(TypedCommandsTest, RebirthThatAHostAskedForRepeatsTheLastNumbers) {
   // What the library refused is missing in the order: the births begin anew.
   now_ += 1s;
   rebirth();
-  profile_->refused();
+  profile_->due_was_refused();
   EXPECT_EQ(due(), (Lines{"NBIRTH/edge7 0", "DBIRTH/edge7/press1 1", "DBIRTH/edge7/press2 2"}));
   now_ += 1s;
   EXPECT_TRUE(due().empty()) << "the host has them";
