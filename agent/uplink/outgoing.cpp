@@ -37,7 +37,7 @@ std::uint64_t Outgoing::send(Sender& sender, Publication publication) {
   return id;
 }
 
-std::uint64_t Outgoing::send(Sender& sender, std::vector<Publication> publications) {
+std::uint64_t Outgoing::send_group(Sender& sender, std::vector<Publication> publications) {
   if (publications.size() == 1) return send(sender, std::move(publications.front()));
   const std::uint64_t group = next_id_;
   groups_.emplace(group, Group{publications.size()});

@@ -23,9 +23,11 @@
 
 namespace fxagent {
 
+/// Per step: on() each outcome, send() while has_room(), note_sent(), fail_unsendable().
 class Outgoing final {
  public:
-  /// Hands publications over, and gets the outcome of each once, unless the connection ends first.
+  /// Gets delivered() or failed() once for each id that it was given by send() or send_group();
+  /// neither if the connection ends first.
   class Sender {
    public:
     virtual ~Sender() = default;
@@ -49,9 +51,9 @@ class Outgoing final {
   /// id, which its sender gets with the outcome. If the broker would close the connection because
   /// of it, it is not sent and fails with the next fail_unsendable().
   std::uint64_t send(Sender& sender, Publication publication);
-  /// Sends publications, at least one, in order. They are delivered when all are, and fail when one
-  /// has failed. Two or more wait for room; a single one is handed over as above.
-  std::uint64_t send(Sender& sender, std::vector<Publication> publications);
+  /// Sends publications, at least one, in order, under one id. They are delivered when all are, and
+  /// fail when one has failed. Two or more wait for room; a single one is handed over as above.
+  std::uint64_t send_group(Sender& sender, std::vector<Publication> publications);
   /// Calls Sender::failed() for what could not be sent. Returns true if something failed.
   bool fail_unsendable(SteadyTime now);
 

@@ -204,7 +204,7 @@ void Outlet::send(SteadyTime now) {
     while (outgoing_.has_room()) {
       auto due = profile_.due(now, utc_ms_());
       if (due.empty()) break;
-      outgoing_.send(*this, std::move(due));
+      outgoing_.send_group(*this, std::move(due));
     }
     const bool samples_go = profile_.wants_samples() && profile_.is_ready();
     if (samples_go) samples_.pump_live(now);

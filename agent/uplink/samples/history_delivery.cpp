@@ -54,7 +54,7 @@ void HistoryDelivery::pump(bool rests, SteadyTime now) {
       return;
     }
     published_ += history->batch.row_ids.size();
-    const std::uint64_t id = outgoing_.send(*this, std::exchange(history->publications, {}));
+    const std::uint64_t id = outgoing_.send_group(*this, std::exchange(history->publications, {}));
     flights_.emplace(id, Flight{std::move(*history), max_bytes_, now});
   }
 }

@@ -125,7 +125,7 @@ void SampleDelivery::pump_live(SteadyTime now) {
       continue;
     }
     ++published_;
-    const std::uint64_t id = outgoing_.send(*this, std::move(publications));
+    const std::uint64_t id = outgoing_.send_group(*this, std::move(publications));
     flights_.emplace(id, Flight{std::move(live), now});
   }
 }

@@ -14,7 +14,7 @@ void Farewell::say(SteadyTime now) {
   auto last = last_words_();
   if (last.empty()) return;
   by_ = now + kFarewellFor;
-  outgoing_.send(*this, std::move(last));
+  outgoing_.send_group(*this, std::move(last));
 }
 
 void Farewell::delivered(std::uint64_t, SteadyTime now) {

@@ -53,7 +53,7 @@ struct OutgoingTest : testing::Test, Outgoing::Sender {
 
 TEST_F(OutgoingTest, GroupIsDeliveredWhenItsLastMessageIs) {
   begin();
-  const std::uint64_t group = outgoing_.send(*this, {to("a"), to("b"), to("c")});
+  const std::uint64_t group = outgoing_.send_group(*this, {to("a"), to("b"), to("c")});
   broker_.acknowledge_next();
   acknowledge_next();
   EXPECT_TRUE(delivered_.empty());
@@ -64,7 +64,7 @@ TEST_F(OutgoingTest, GroupIsDeliveredWhenItsLastMessageIs) {
 
 TEST_F(OutgoingTest, GroupFailsOnceWhenOneMessageFails) {
   begin();
-  const std::uint64_t group = outgoing_.send(*this, {to("a"), to("b")});
+  const std::uint64_t group = outgoing_.send_group(*this, {to("a"), to("b")});
   broker_.refuse_next(0x97);
   take();
   EXPECT_TRUE(failed_.empty());
@@ -76,7 +76,8 @@ TEST_F(OutgoingTest, GroupFailsOnceWhenOneMessageFails) {
 
 TEST_F(OutgoingTest, GroupLargerThanTheWindowGoesOutInOrder) {
   begin(2);
-  const std::uint64_t group = outgoing_.send(*this, {to("a"), to("b"), to("c"), to("d"), to("e")});
+  const std::uint64_t group =
+      outgoing_.send_group(*this, {to("a"), to("b"), to("c"), to("d"), to("e")});
   EXPECT_FALSE(outgoing_.has_room());
   while (delivered_.empty()) {
     EXPECT_LE(broker_.open(), 2U);
@@ -89,7 +90,7 @@ TEST_F(OutgoingTest, GroupLargerThanTheWindowGoesOutInOrder) {
 
 TEST_F(OutgoingTest, MessageThatTheBrokerWouldNotAcceptFailsItsGroup) {
   begin();
-  const std::uint64_t group = outgoing_.send(*this, {to("a"), to("+")});
+  const std::uint64_t group = outgoing_.send_group(*this, {to("a"), to("+")});
   EXPECT_TRUE(outgoing_.fail_unsendable({}));
   broker_.acknowledge_all();
   take();
@@ -128,7 +129,7 @@ TEST_F(OutgoingWithMarker, AcknowledgedMarkerProvesWhatWasSentBeforeIt) {
 TEST_F(OutgoingWithMarker, MarkersProveAGroupLargerThanTheWindow) {
   begin(2);
   std::vector<Publication> group(9, to("a", 0));
-  const std::uint64_t id = outgoing_.send(*this, std::move(group));
+  const std::uint64_t id = outgoing_.send_group(*this, std::move(group));
   for (int i = 0; i < 9 && delivered_.empty(); ++i) {
     outgoing_.note_sent({});
     take();
@@ -141,7 +142,7 @@ TEST_F(OutgoingWithMarker, MarkersProveAGroupLargerThanTheWindow) {
 
 TEST_F(OutgoingWithMarker, MarkerProvesNothingThatWasHandedOverAfterIt) {
   begin(2);
-  const std::uint64_t id = outgoing_.send(*this, {to("+", 0), to("a", 0), to("b", 0)});
+  const std::uint64_t id = outgoing_.send_group(*this, {to("+", 0), to("a", 0), to("b", 0)});
   outgoing_.note_sent({});
   outgoing_.fail_unsendable({});  // makes room for b, behind the marker
   acknowledge_next();
@@ -164,7 +165,7 @@ TEST_F(OutgoingWithMarker, MarkerThatTheLibraryRejectsIsSentAgain) {
 
 TEST_F(OutgoingWithMarker, RefusedMarkerHasArrivedToo) {
   begin();
-  const std::uint64_t id = outgoing_.send(*this, {to("a", 0), to("b", 0)});
+  const std::uint64_t id = outgoing_.send_group(*this, {to("a", 0), to("b", 0)});
   outgoing_.note_sent({});
   broker_.refuse_next(0x87);
   take();
