@@ -16,8 +16,8 @@ using std::chrono::seconds;
 constexpr seconds kSubackWithin{1};  // before commands count as not received
 constexpr seconds kCatchUp{1};       // between checks if enough results are delivered
 constexpr int kSilenceIsSlow = 2;    // an unanswered SUBSCRIBE begins with this many failures: 4 s
-constexpr seconds kLastSubscribe{60};
-constexpr seconds kLeftoversFor{10};  // search for topics of removed devices
+constexpr seconds kLastSubscribe{60};  // also between subscriptions to what is not commands
+constexpr seconds kLeftoversFor{10};   // search for topics of removed devices
 
 }  // namespace
 
@@ -46,6 +46,7 @@ void Subscriptions::connection_began(SteadyTime now) {
 void Subscriptions::connection_ended() {
   is_connected_ = false;
   leftovers_until_.reset();
+  ask_refused_at_.reset();
   suback_by_.reset();
   ask_again_at_.reset();
   unheard_ = 0;
@@ -55,7 +56,7 @@ void Subscriptions::connection_ended() {
 
 SteadyTime Subscriptions::next_wake() const {
   SteadyTime wake = SteadyTime::max();
-  for (const auto& time : {leftovers_until_, suback_by_, ask_again_at_})
+  for (const auto& time : {leftovers_until_, ask_refused_at_, suback_by_, ask_again_at_})
     wake = std::min(wake, time.value_or(wake));
   return wake;
 }
@@ -79,9 +80,13 @@ void Subscriptions::hear_configs(bool heard) {
 void Subscriptions::on(const Subscribed& event, SteadyTime now) {
   if (!is_connected_) return;
   if (event.filter != commands_filter_) {
-    if (event.granted)
-      refused_filters_.erase(event.filter);
-    else if (refused_filters_.insert(event.filter).second)
+    if (event.granted) {
+      if (refused_filters_.erase(event.filter) != 0)
+        log::info("subscription_granted", {{"filter", event.filter}});
+      return;
+    }
+    if (!ask_refused_at_) ask_refused_at_ = now + kLastSubscribe;
+    if (refused_filters_.insert(event.filter).second)
       log::error("subscription_refused", {{"filter", event.filter}, {"reason", event.text}});
     return;
   }
@@ -107,6 +112,12 @@ void Subscriptions::step(SteadyTime now, bool may_hear) {
   if (leftovers_until_ && now >= *leftovers_until_) {
     leftovers_until_.reset();
     malloc_trim(0);  // return the memory of the initial burst to the system
+  }
+  if (ask_refused_at_ && now >= *ask_refused_at_) {
+    ask_refused_at_.reset();
+    for (const std::string& filter : refused_filters_)
+      if (hears_configs_ || filter != configs_filter_)
+        broker_.subscribe({filter, /*no_local=*/false});
   }
   if (suback_by_ && now >= *suback_by_) {
     unheard_ = std::max(unheard_, kSilenceIsSlow);

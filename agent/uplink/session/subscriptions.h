@@ -1,5 +1,5 @@
-// The subscriptions of a connection, and the broker's answers to them. Repeats the subscription to
-// commands until it is granted. Uplink thread. Time is an argument.
+// The subscriptions of a connection, and the broker's answers to them. Repeats those that the
+// broker refuses, and the one to commands until it is granted. Uplink thread. Time is an argument.
 #pragma once
 
 #include <functional>
@@ -66,6 +66,7 @@ class Subscriptions final {
   bool hears_configs_ = false;
   std::optional<SteadyTime> leftovers_until_;  ///< end of the search for topics of removed devices
   std::set<std::string> refused_filters_;      ///< filters other than for commands; logged once
+  std::optional<SteadyTime> ask_refused_at_;   ///< time of the next SUBSCRIBE to these
 
   // The subscription to commands.
   std::optional<SteadyTime> suback_by_;  ///< deadline of the SUBACK that is awaited

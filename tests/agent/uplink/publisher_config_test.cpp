@@ -28,6 +28,17 @@ struct PublisherConfig : ::testing::Test, test::PublisherBench {
     settle();
   }
 
+  void reload_with(bool remote_enabled) {
+    Config wanted = config;
+    wanted.remote.enabled = remote_enabled;
+    const ConfigChange change = change_between(config, std::move(wanted));
+    outbox.post([&](SteadyTime) { made().begin_change(change); });
+    step();
+    outbox.post([&](SteadyTime at) { made().change(change, at); });
+    settle();
+  }
+  auto asks() const { return std::ranges::count(broker.order, "subscribe " + kDesired); }
+
   std::vector<std::string> heard;
   std::vector<bool> connections;
 };
@@ -67,17 +78,29 @@ TEST_F(PublisherConfigOn, DocumentsAreHeardAfterAReconnectToo) {
   EXPECT_EQ(heard, std::vector<std::string>{"{}"});
 }
 
+TEST_F(PublisherConfigOn, ARefusedSubscriptionIsRepeatedUntilItIsGranted) {
+  broker.refuses_states = true;
+  online();
+  broker.refuses_states = false;
+  advance(61s);
+  EXPECT_EQ(asks(), 1);
+  advance(1h);
+  EXPECT_EQ(asks(), 1);
+}
+
+TEST_F(PublisherConfigOn, ARefusedSubscriptionIsNotRepeatedOnceItIsOff) {
+  broker.refuses_states = true;
+  online();
+  reload_with(false);
+  advance(61s);
+  EXPECT_EQ(asks(), 0);
+}
+
 TEST_F(PublisherConfig, AReloadSwitchesItOnAndOff) {
   listen();
   online();
   for (const bool on : {true, false}) {
-    Config wanted = config;
-    wanted.remote.enabled = on;
-    const ConfigChange change = change_between(config, std::move(wanted));
-    outbox.post([&](SteadyTime) { made().begin_change(change); });
-    step();
-    outbox.post([&](SteadyTime at) { made().change(change, at); });
-    settle();
+    reload_with(on);
     EXPECT_EQ(broker.filters.contains(kDesired), on);
   }
 }
