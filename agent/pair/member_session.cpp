@@ -18,7 +18,8 @@ using std::chrono::seconds;
 constexpr milliseconds kReconnect{500};
 constexpr seconds kLongestPause{60};
 constexpr int kMostDoublings = 6;
-constexpr seconds kSteady{10};  // a session that lasts so long is not being taken over
+constexpr seconds kSubackWithin{5};  // before SUBSCRIBE is repeated; doubled each time
+constexpr seconds kSteady{10};       // a session that lasts so long is not being taken over
 constexpr const char* kNotKnown =
     "commands that the other gateway announced before are not known here; repeat none of them "
     "after a takeover";
@@ -42,9 +43,10 @@ void MemberSession::keep(BootTime now) {
     connect_at_.reset();
     broker_->connect(server_, kReceiveMaximum);
   }
-  if (up_ && subscribe_at_ && now >= *subscribe_at_) {
-    ++refusals_;
-    subscribe();
+  if (up_ && !unheard_.empty() && now >= subscribe_at_) {
+    if (repeats_++ == 0 && refused_.empty())
+      log::error("pair", {{"fault", "the broker does not confirm the subscriptions of the pair"}});
+    subscribe(now);
   }
 }
 
@@ -68,8 +70,9 @@ void MemberSession::connected(const Connected& event, BootTime now) {
   heard_all_ = heard_all_ && event.session_present;
   missed_ = missed_ || !event.session_present;
   unheard_.insert(filters_.begin(), filters_.end());
-  refusals_ = 0;
-  subscribe();
+  refused_.clear();
+  repeats_ = 0;
+  subscribe(now);
 }
 
 void MemberSession::subscribed(const Subscribed& event, BootTime now) {
@@ -80,8 +83,8 @@ void MemberSession::subscribed(const Subscribed& event, BootTime now) {
   }
   heard_all_ = false;
   missed_ = true;
-  subscribe_at_ = now + doubled(seconds(1), refusals_);
-  if (refusals_ == 0)
+  subscribe_at_ = now + doubled(seconds(1), repeats_);
+  if (refused_.insert(event.filter).second)
     log::error("pair", {{"fault", "the broker refuses the subscription to " + event.filter +
                                       "; see fxagent acl"}});
 }
@@ -109,8 +112,8 @@ void MemberSession::connect_after(BootTime pause, BootTime now) {
 
 /// Subscribes to what the broker has not granted. With QoS 0 it queues nothing while this session
 /// is away. Queued statuses would name gateways that have ended.
-void MemberSession::subscribe() {
-  subscribe_at_.reset();
+void MemberSession::subscribe(BootTime now) {
+  subscribe_at_ = now + doubled(kSubackWithin, repeats_);
   for (const std::string& filter : filters_) {
     const bool queues = filter.ends_with("/journal") || filter.ends_with("/result");
     if (unheard_.contains(filter)) broker_->subscribe({.filter = filter, .qos = queues ? 1 : 0});

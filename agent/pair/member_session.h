@@ -1,7 +1,7 @@
 // The MQTT session in which a gateway of a pair hears the other one. It has the client id of this
 // gateway, and the broker keeps it for an hour. Connects again after a growing pause, and asks
-// again for subscriptions that the broker has refused. Lives on the pair's thread; its faults are
-// logged.
+// again for subscriptions that the broker has refused or not answered. Lives on the pair's thread;
+// its faults are logged.
 #pragma once
 
 #include <cstddef>
@@ -45,7 +45,7 @@ class MemberSession final {
   void lost(const Lost& event, BootTime now);
   void log_once(const std::string& failure);
   void connect_after(BootTime pause, BootTime now);
-  void subscribe();
+  void subscribe(BootTime now);
 
   const std::unique_ptr<Broker> broker_;
   std::vector<std::string> failures_;  ///< of each server, the last since the session was up
@@ -59,8 +59,9 @@ class MemberSession final {
   bool heard_all_ = true;
   bool missed_ = false;            ///< it may lack announcements, which is not logged yet
   std::set<std::string> unheard_;  ///< filters that the broker has not granted in this session
-  std::optional<BootTime> subscribe_at_;  ///< to these again; nullopt: it has refused none
-  int refusals_ = 0;                      ///< rounds of subscriptions after a refusal
+  std::set<std::string> refused_;  ///< those of them that it has refused; logged once
+  BootTime subscribe_at_{};        ///< time of the next SUBSCRIBE to unheard_
+  int repeats_ = 0;                ///< of SUBSCRIBE in this session; lengthen the pause
 };
 
 }  // namespace fxagent

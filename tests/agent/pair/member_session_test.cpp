@@ -85,6 +85,18 @@ TEST_F(MemberSessionTest, ResultsAreSubscribedToFirstAndARefusedSubscriptionAgai
   EXPECT_TRUE(peers.joined_at());
 }
 
+TEST_F(MemberSessionTest, ASubscriptionWithoutAnAnswerIsRepeated) {
+  broker->confirms = false;
+  steps(now + 4s);
+  EXPECT_EQ(broker->order.size(), 4U);
+  broker->confirms = true;
+  steps(now + 2s);
+  EXPECT_EQ(broker->order.size(), 8U);
+  EXPECT_TRUE(peers.joined_at());
+  steps(now + 2min);
+  EXPECT_EQ(broker->order.size(), 8U);
+}
+
 TEST_F(MemberSessionTest, AllIsHeardWhileTheBrokerKeepsTheSession) {
   broker->session_present = true;
   steps(now + 200ms);
