@@ -49,6 +49,7 @@ asio::awaitable<Exchange> Bus::exchange(Station& station, Request request, Stead
   second.sent = true;
   second.rest = exchange.rest;
   second.began = exchange.began;
+  second.ended = std::max(second.ended, exchange.ended);  // the link may be lost before it
   co_return second;
 }
 

@@ -66,7 +66,7 @@ class Wire final {
   /// Earliest time of the next request: the end of the pause after a broadcast.
   SteadyTime not_before() const { return not_before_; }
   // Between exchanges. Both judge what has come, by `codec`.
-  /// Takes what has arrived, without waiting. Error: link_down, the channel is closed.
+  /// Takes what has arrived, without waiting. Error: the channel is closed.
   Result<void> take_arrived(const Codec& codec);
   /// Waits for silence as Channel::listen(). False: the channel is closed.
   asio::awaitable<bool> drain(const Codec& codec, SteadyTime until, std::chrono::nanoseconds quiet);

@@ -33,8 +33,8 @@ class BusLog final {
   std::optional<SteadyTime> doubt_logged_at_;
 };
 
-/// A link is up while its bus is open. On UDP, and after a session without an answer, a device must
-/// have answered as well.
+/// A link is up while its bus is open, or is reopened after a silence. On UDP, and after a session
+/// without an answer, a device must have answered as well.
 class LinkState final {
  public:
   /// The bus must be closed; `links` is the number of links.

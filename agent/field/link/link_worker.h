@@ -76,9 +76,9 @@ class LinkWorker final {
   /// Ends the yield at once.
   void take_back(Done done);
 
-  /// Ends run(): cuts a poll short and answers waiting commands with FAILED `why`, which is
-  /// shutting_down or reloading. A running command writes nothing more; its exchange on the wire
-  /// and its read-back have kFinishWithin.
+  /// Ends run(), soon after kFinishWithin at the latest: cuts a poll short and answers waiting
+  /// commands with FAILED `why`, which is shutting_down or reloading. A running command writes
+  /// nothing more; its exchange on the wire and its read-back have kFinishWithin.
   void stop(Reason why = Reason::shutting_down);
   /// True once run() has ended. Any thread.
   bool has_ended() const { return ended_; }

@@ -98,7 +98,7 @@ class EdgeNode : public Profile {
   bool hear_host(const Message& message);
   /// Makes due() repeat all births, at most once a second.
   void request_rebirth() { rebirth_ = true; }
-  /// Returns the devices that are born in this session.
+  /// Returns the devices that are born since the last birth of the node.
   std::vector<std::uint32_t> born() const;
   std::optional<std::uint32_t> index_of(std::string_view device) const;
   /// Returns the longest payload that the broker accepts, in bytes.

@@ -319,10 +319,10 @@ class SparkplugProfile::History final : public SampleHistory {
     std::size_t next = 0;
     for (Metric& metric : *gathered_.mutable_metrics()) {
       const auto tag = sparkplug::place_of(config.tags, metric.name(), next);
-      // The births of this session do not have the metric in this form.
-      if (!tag || metric.datatype() != number(sparkplug::type_of(config.tags[*tag].point)))
-        continue;
+      if (!tag) continue;
       next = *tag + 1;
+      // The births of this session do not have the metric in this form.
+      if (metric.datatype() != number(sparkplug::type_of(config.tags[*tag].point))) continue;
       metric.clear_name();
       metric.clear_datatype();
       metric.set_alias(profile_.devices_[*index].first_alias + *tag);

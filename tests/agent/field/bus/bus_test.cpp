@@ -554,6 +554,16 @@ TEST_F(BusWithoutEnquiry, AGoodFrameOfAnotherLengthMakesReadsTwice) {
   EXPECT_FALSE(bus->doubt().is_doubted());
 }
 
+TEST_F(BusWithoutEnquiry, LinkLostBeforeTheSecondReadUsesTheLineTimeOfTheFirst) {
+  wire->expect(kReadD100).give(data_frame({1, 0, 2, 0})).silence();
+  wire->expect(kReadD100).give(word_frame(2)).hang_up();
+  open();
+  EXPECT_EQ(read("D100").outcome, Outcome::garbled);
+  const Exchange lost = read("D100");
+  EXPECT_EQ(lost.outcome, Outcome::link_down);
+  EXPECT_GT(lost.line_time().count(), 0);
+}
+
 TEST_F(BusWithoutEnquiry, TwoAnswersWhileOneIsOwedMakeReadsTwice) {
   wire->expect(kReadD100).silence();
   wire->give(word_frame(1)).later(word_frame(1)).silence();
