@@ -3,9 +3,9 @@
 // the machine other than serial ports.
 #include <algorithm>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
-#include <unordered_map>
 #include <utility>
 #include <variant>
 #include <vector>
@@ -14,15 +14,13 @@
 #include "agent/config/json/tree.h"
 #include "agent/config/read/findings.h"
 #include "agent/remote/desired_config.h"
+#include "agent/remote/local_devices.h"
 #include "protocol/catalog.h"
 #include "protocol/plc.h"
 #include "protocol/value/point.h"
 
 namespace fxagent {
 namespace {
-
-/// Devices of the local file by name.
-using LocalDevices = std::unordered_map<std::string_view, const DeviceConfig*>;
 
 bool has_credentials(const MqttConfig& mqtt) {
   return !mqtt.username.empty() || !mqtt.password.empty() || !mqtt.password_file.empty() ||
@@ -77,54 +75,29 @@ void check_ports(const Config& local, const Config& wanted, ErrorList& errors) {
   }
 }
 
-/// True if both use the same serial port, or the same host and port. Ignores local_port: the source
-/// port of requests does not identify the device.
-bool same_place(const LinkConfig& one, const LinkConfig& other) {
-  return one.channel.index() == other.channel.index() && endpoint_of(one) == endpoint_of(other);
-}
-
-/// Returns the device of `local` that this device of `wanted` is; nullptr if it is new.
-const DeviceConfig* local_device(const Config& local, const LocalDevices& devices,
-                                 const Config& wanted, const DeviceConfig& device) {
-  const auto found = devices.find(device.name);
-  if (found == devices.end()) return nullptr;
-  const DeviceConfig& known = *found->second;
-  const bool same = known.protocol == device.protocol && *known.options == *device.options &&
-                    same_place(local.links.at(known.link), wanted.links.at(device.link));
-  return same ? &known : nullptr;
-}
-
-/// True if every device that the local file has at this port or host is of the same protocol and
-/// model: a document must not declare another one in order to renumber the addresses of a machine.
-bool fits_its_place(const Config& local, const LinkConfig& link, const DeviceConfig& device) {
-  return std::ranges::all_of(local.devices, [&](const DeviceConfig& known) {
-    return !same_place(local.links.at(known.link), link) ||
-           (known.protocol == device.protocol && model_of(*known.codec) == model_of(*device.codec));
-  });
-}
-
 /// Checks what commands may do to one device of `wanted`.
 class DeviceLimits {
  public:
-  /// `known`: this device in the local file; nullptr if it has none. `link`: its link in `wanted`.
-  /// All must outlive the object.
-  DeviceLimits(const Config& local, const DeviceConfig* known, const DeviceConfig& device,
+  /// `remote`: the limits of the local file, which has `devices`. `link`: that of `device`. All
+  /// must outlive the object.
+  DeviceLimits(const RemoteLimits& remote, const LocalDevices& devices, const DeviceConfig& device,
                const LinkConfig& link, ErrorList& errors)
-      : remote_(local.remote),
-        known_(known),
+      : remote_(remote),
+        local_(devices.find(device, link)),
+        known_(local_.device),
         device_(device),
         codec_(widest_of(*device.protocol, device.codec)),
         errors_(errors) {
-    if (known != nullptr) allow_ = known->commands.allow;
+    if (known_ != nullptr) allow_ = known_->commands.allow;
     // Every unit of the bus would obey a broadcast, those of the local file too.
     if (codec_->is_broadcast()) return;
     for (const RemoteRange& entry : remote_.allow) {
       if (entry.protocol == nullptr) {
         const auto span = codec_->addresses().parse_range(entry.range);
-        if (span) (known != nullptr ? allow_ : local_only_).push_back(*span);
-      } else if (entry.protocol == device.protocol && entry.model == model_of(*device.codec) &&
-                 (known != nullptr || fits_its_place(local, link, device))) {
-        allow_.push_back(entry.span);
+        if (span) (known_ != nullptr ? allow_ : local_only_).push_back(*span);
+      } else if (entry.protocol == device.protocol && entry.model == model_of(*device.codec)) {
+        if (known_ == nullptr && !doubt_) doubt_ = devices.doubt(device, link);
+        (doubt_.value_or("").empty() ? allow_ : doubtful_).push_back(entry.span);
       }
     }
   }
@@ -151,12 +124,15 @@ class DeviceLimits {
     errors_.add({"/devices", 0, device_.name + ": " + std::move(text)});
   }
 
-  /// Names the cure if `span` is open to devices of the local file only.
+  /// Returns the reason why `span` is not open, and its cure, as far as they are certain.
   std::string why_not(const Span& span) const {
-    if (!is_covered(span, local_only_)) return {};
+    if (known_ != nullptr) return {};
+    if (is_covered(span, doubtful_)) return ": " + *doubt_;
+    if (!is_covered(span, local_only_)) return ": " + local_.why_new;
     const std::string model = model_of(*device_.codec);
-    return ": this device differs from that of the local file, or is not in it; remote_allow needs "
-           "an entry with its protocol and model, such as \"commands.allow: " +
+    return ": " + local_.why_new +
+           ", so remote_allow needs an entry with its protocol and model, such as "
+           "\"commands.allow: " +
            std::string(device_.protocol->name) +
            (device_.protocol->models.empty() ? "" : ' ' + (model.empty() ? "MODEL" : model)) +
            " RANGE\"";
@@ -174,10 +150,7 @@ class DeviceLimits {
     const std::string may_not =
         "the tag " + std::string(tag.name) +
         " may be written, but the local file does not let commands write there";
-    if (known_ == nullptr)
-      return error(may_not +
-                   ": it has no device of this name with this protocol, these options and this "
-                   "port or host");
+    if (known_ == nullptr) return error(may_not + ": " + local_.why_new);
     const auto same = std::ranges::find(known_->tags, tag.name, &TagConfig::name);
     if (same == known_->tags.end())
       return error(may_not + " under this name: it does not have this tag");
@@ -190,29 +163,29 @@ class DeviceLimits {
   static std::string differences(const TagConfig& one, const TagConfig& other) {
     const Point& a = one.point;
     const Point& b = other.point;
-    std::string text;
-    const auto compare = [&text](bool same, std::string_view what) {
-      if (!same) text += (text.empty() ? "" : ", ") + std::string(what);
-    };
-    compare(a.address == b.address, "address");
-    compare(a.type == b.type, "type");
-    compare(a.order == b.order, "word_order");
-    compare(a.count == b.count && a.is_array == b.is_array, "count");
-    compare(a.length == b.length, "length");
-    compare(a.scale == b.scale, "scale");
-    compare(a.offset == b.offset, "offset");
-    compare(one.units->limits.min == other.units->limits.min, "min");
-    compare(one.units->limits.max == other.units->limits.max, "max");
-    if (text.empty() && a != b) text = "form";
-    return text;
+    DifferentKeys keys;
+    keys.compare(a.address == b.address, "address");
+    keys.compare(a.type == b.type, "type");
+    keys.compare(a.order == b.order, "word_order");
+    keys.compare(a.count == b.count && a.is_array == b.is_array, "count");
+    keys.compare(a.length == b.length, "length");
+    keys.compare(a.scale == b.scale, "scale");
+    keys.compare(a.offset == b.offset, "offset");
+    keys.compare(one.units->limits.min == other.units->limits.min, "min");
+    keys.compare(one.units->limits.max == other.units->limits.max, "max");
+    if (keys.text().empty()) keys.compare(a == b, "form");
+    return keys.text();
   }
 
   const RemoteLimits& remote_;
-  const DeviceConfig* known_;
+  const LocalDevices::Known local_;
+  const DeviceConfig* const known_;  ///< the device in the local file; nullptr: it is new
   const DeviceConfig& device_;
   const std::shared_ptr<const Codec> codec_;
   std::vector<Span> allow_;
-  std::vector<Span> local_only_;  ///< ranges of remote_allow that a new device does not get
+  std::vector<Span> local_only_;      ///< ranges of remote_allow that a new device does not get
+  std::optional<std::string> doubt_;  ///< of LocalDevices::doubt(); nullopt: not asked
+  std::vector<Span> doubtful_;        ///< ranges that it does not get because of that
   ErrorList& errors_;
 };
 
@@ -223,12 +196,10 @@ std::vector<ConfigError> beyond_limits(const Config& local, const Config& wanted
   ErrorList errors;
   check_servers(local.mqtt, wanted.mqtt, errors);
   check_ports(local, wanted, errors);
-  LocalDevices devices;
-  for (const DeviceConfig& device : local.devices) devices.emplace(device.name, &device);
+  const LocalDevices devices(local);
   for (const DeviceConfig& device : wanted.devices) {
     if (stop != nullptr && *stop) break;
-    const DeviceConfig* known = local_device(local, devices, wanted, device);
-    DeviceLimits(local, known, device, wanted.links.at(device.link), errors).check();
+    DeviceLimits(local.remote, devices, device, wanted.links.at(device.link), errors).check();
   }
   return errors.take();
 }

@@ -40,13 +40,11 @@ ReadDesired read_desired(std::string_view payload);
 /// Errors of a device point at `/devices` and name it in the text. Both configs must be valid and
 /// without vacant places.
 ///
-/// A device is the same as in the local file if its name, its protocol with all options, and the
-/// serial port, or host and port, of its link are the same. It keeps its rights there, plus the
-/// ranges of `remote_allow` without a protocol or with its protocol and model. Any other device is
-/// new: commands may write to it only in ranges whose entry names its protocol and model, and
-/// nowhere if the local file has another protocol or model at the same serial port, or host and
-/// port. `commands.allow_run_stop` in `remote_allow` applies to every device. Any thread may set
-/// `stop` to end the search early; nullptr: it cannot be stopped.
+/// A device of the local file (LocalDevices::find()) keeps its rights there, plus the ranges of
+/// `remote_allow` without a protocol or with its protocol and model. Any other device is new:
+/// commands may write to it only in ranges whose entry names its protocol and model, and nowhere if
+/// LocalDevices::doubt() has one. `commands.allow_run_stop` in `remote_allow` applies to every
+/// device. Any thread may set `stop` to end the search early; nullptr: it cannot be stopped.
 std::vector<ConfigError> beyond_limits(const Config& local, const Config& wanted,
                                        const std::atomic<bool>* stop = nullptr);
 

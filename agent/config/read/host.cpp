@@ -2,6 +2,9 @@
 
 #include <arpa/inet.h>
 
+#include <cstdint>
+#include <iterator>
+
 namespace fxagent {
 
 bool is_ipv4(const std::string& text) {
@@ -12,6 +15,17 @@ bool is_ipv4(const std::string& text) {
 bool is_ipv6(const std::string& text) {
   in6_addr ignored{};
   return ::inet_pton(AF_INET6, text.c_str(), &ignored) == 1;
+}
+
+std::string address_bytes(const std::string& host) {
+  in6_addr address{};
+  const std::string text = (is_ipv4(host) ? "::ffff:" : "") + host;
+  if (::inet_pton(AF_INET6, text.c_str(), &address) != 1) return {};
+  const std::uint8_t first = address.s6_addr[12];  // number of an IPv4 address
+  const bool is_own = IN6_IS_ADDR_LOOPBACK(&address) || IN6_IS_ADDR_UNSPECIFIED(&address) ||
+                      (IN6_IS_ADDR_V4MAPPED(&address) && (first == 127 || first == 0));
+  if (is_own) address = in6addr_loopback;
+  return {std::begin(address.s6_addr), std::end(address.s6_addr)};
 }
 
 std::string_view number_fault(const std::string& host) {

@@ -11,6 +11,10 @@ bool is_ipv4(const std::string& text);
 /// True if the whole text is an IPv6 address, without brackets.
 bool is_ipv6(const std::string& text);
 
+/// Returns the 16 bytes of an IP address, an IPv4 one as in `::ffff:192.0.2.10`; empty for a host
+/// name. Every address of the machine itself is the same: 127.0.0.0/8, `::1`, 0.0.0.0 and `::`.
+std::string address_bytes(const std::string& host);
+
 /// Returns the fault of a host that is a number and no IPv4 address of four decimal numbers; empty
 /// if there is none. The system's resolver accepts 127.1 and 0x7f000001, and reads 010 as 8.
 std::string_view number_fault(const std::string& host);

@@ -1,6 +1,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <set>
+#include <string>
+#include <string_view>
+#include <utility>
 
 #include "tests/agent/remote/remote_plant.h"
 #include "tests/support/says.h"
@@ -65,7 +69,7 @@ TEST(BeyondLimits, CommandsMayNeverTouchMore) {
      "mixer: the tag setpoint may be written, but the local file does not let commands ",
      "does not let commands write there under this name"],
     ["on a device that is another one", {"/devices/0/name": "press2"},
-     "it has no device of this name with this protocol, these options and this port or host"],
+     "let commands write there: it has no device of this name\n"],
     ["by another name", {"/devices/0/tags/2":
       {"name": "running_speed", "address": "D200", "access": "read_write", "max": 100}},
      "the tag running_speed"],
@@ -87,9 +91,18 @@ TEST(BeyondLimits, CommandsMayNeverTouchMore) {
 /// A device name must not carry its rights to another machine.
 TEST(BeyondLimits, RightsStayWithTheMachine) {
   expect_limits(local_plant(), R"([
-    ["another port", {"/links/0/serial/path": "/dev/ttyUSB1"}, "press1: "],
+    ["another port", {"/links/0/serial/path": "/dev/ttyUSB1"}, "press1: ",
+     "and its remote_allow: its device of this name has a different port or host\n",
+     "let commands write there: its device of this name has a different port or host\n"],
     ["another link", {"/devices/0/link": "gw1"}, "press1: "],
-    ["another model", {"/devices/0/model": "FX3G"}, "press1: "],
+    ["another model", {"/devices/0/model": "FX3G"}, "press1: ", "a different model\n"],
+    ["another protocol", {"/devices/0/protocol": "fx-computer-link"},
+     "press1: ", "a different protocol\n"],
+    ["other options", {"/devices/0/max_block_bytes": 32, "/devices/0/enquire": "never"},
+     "a different enquire, max_block_bytes\n"],
+    ["options of every protocol are the same machine",
+     {"/devices/0/timeout_ms": 500, "/devices/0/retries": 7, "/devices/0/gap_ms": 5,
+      "/devices/0/turnaround_ms": 5, "/devices/0/echo": true}],
     ["a new baud rate is the same machine", {"/links/0/serial/baud": 19200}]])");
   const json links = local_plant()["links"];
   EXPECT_EQ(said_of(local_plant(), {{"/links/0", links[1]}, {"/links/1", links[0]}}), "")
@@ -159,9 +172,10 @@ json plant_with(const std::string& entry, const std::vector<json>& devices) {
   local["agent"]["remote_config"] = true;
   local["agent"]["remote_allow"] = {"devices", "commands.allow: " + entry};
   local["links"] = json::array();
-  int port = 5000;
+  int host = 10;
   for (const char* name : {"press", "saw", "meter", "new"})
-    local["links"].push_back({{"name", name}, {"tcp", {{"host", "192.0.2.10"}, {"port", port++}}}});
+    local["links"].push_back(
+        {{"name", name}, {"tcp", {{"host", "192.0.2." + std::to_string(host++)}, {"port", 5000}}}});
   local["devices"] = devices;
   return local;
 }
@@ -228,11 +242,127 @@ TEST(BeyondLimits, AnotherModelAtALocalPlaceGetsNothing) {
   json all = local;
   all["devices"] = json::array({allowing(q, {"Y0"})});
   EXPECT_NE(listed(beyond_limits(good(local.dump()), good(all.dump()))), "");
-  // The same model with a longer route.
-  json routed = kQ;
-  routed["pc"] = 1;
-  const json own = plant_with("mc-1e Q Y0-Y17", {device("press", "mc-1e", kQ)});
-  expect_may(own, allowing(device("press", "mc-1e", routed), {"Y0-Y17"}));
+}
+
+/// Returns the errors if a document adds an FX5U that may be written, at `kind` (tcp or udp) to
+/// `host` and `port`. The local file has a Q at 192.0.2.10, or at `local_host`.
+std::string said_of_fx5u(const char* kind, const std::string& host, int port,
+                         const std::string& local_host = "192.0.2.10") {
+  json local = plant_with("mc-3e FX5U Y0-Y17", {device("press", "mc-3e", kQ)});
+  local["links"][0]["tcp"]["host"] = local_host;
+  json wanted = local;
+  wanted["links"].back() = {{"name", "new"}, {kind, {{"host", host}, {"port", port}}}};
+  wanted["devices"].push_back(allowing(device("new", "mc-3e", {{"model", "FX5U"}}), {"Y0-Y17"}));
+  return listed(beyond_limits(good(local.dump()), good(wanted.dump())));
+}
+
+/// A PLC answers on several ports, and over TCP and UDP.
+TEST(BeyondLimits, AHostIsOneMachineOnEveryPortAndTransport) {
+  EXPECT_EQ(said_of_fx5u("tcp", "192.0.2.11", 5000), "");
+  EXPECT_EQ(said_of_fx5u("udp", "2001:db8::a", 5000), "");
+  for (const char* host : {"192.0.2.10", "::ffff:192.0.2.10", "::FFFF:c000:20a"})
+    for (const char* kind : {"tcp", "udp"})
+      for (const int port : {5000, 5007})
+        expect_says(said_of_fx5u(kind, host, port),
+                    "Y0 to Y17 goes beyond the local file and its remote_allow: it may be the "
+                    "machine of press, which has another protocol or model there");
+  EXPECT_NE(said_of_fx5u("tcp", "2001:DB8:0:0::a", 5000, "2001:db8::a"), "");
+  for (const char* own : {"127.0.0.2", "::1", "0.0.0.0", "::", "::ffff:127.0.0.1"})
+    EXPECT_NE(said_of_fx5u("tcp", own, 5000, "127.0.0.1"), "") << own;
+}
+
+/// A name may stand for any address, and two names for the same one.
+TEST(BeyondLimits, AHostNameMayBeEveryMachine) {
+  for (const char* name : {"press.plant", "localhost", "fe80::1%eth0"}) {
+    EXPECT_NE(said_of_fx5u("tcp", name, 5007), "") << name;
+    EXPECT_NE(said_of_fx5u("tcp", "192.0.2.11", 5007, name), "") << name;
+    EXPECT_NE(said_of_fx5u("tcp", "press2", 5007, name), "") << name;
+  }
+  const json local = plant_with("mc-1e Q Y0-Y17", {device("press", "mc-1e", kQ)});
+  json wanted = local;
+  wanted["links"].back()["tcp"]["host"] = "press2";
+  wanted["devices"].push_back(allowing(device("new", "mc-1e", kQ), {"Y0-Y17"}));
+  EXPECT_EQ(listed(beyond_limits(good(local.dump()), good(wanted.dump()))), "")
+      << "every machine of the file is of this protocol and model";
+}
+
+/// Each port of the server leads to a line of its own.
+TEST(BeyondLimits, ASerialServerHasAMachineAtEachPort) {
+  json local = plant_with("fx-computer-link FX3U Y0-Y17",
+                          {device("press", "fx-computer-link", {{"model", "FX3G"}})});
+  const json fx = allowing(device("new", "fx-computer-link", kFx3u), {"Y0-Y17"});
+  json& link = local["links"].back();
+  link["tcp"] = {{"host", "192.0.2.10"}, {"port", 5001}};
+  expect_may(local, fx);
+  link["tcp"]["port"] = 5000;
+  expect_may_not(local, fx);
+  local["devices"][0] = device("press", "modbus-tcp");
+  link["tcp"]["port"] = 5001;
+  expect_may_not(local, fx);
+}
+
+/// A port in /dev/serial/by-id is also /dev/ttyUSB0.
+TEST(BeyondLimits, ASerialPortHasSeveralNames) {
+  json local = plant_with("fx-computer-link FX3U Y0-Y17",
+                          {device("press", "fx-computer-link", {{"model", "FX3G"}})});
+  const json fx = allowing(device("new", "fx-computer-link", kFx3u), {"Y0-Y17"});
+  const auto put = [&local](std::size_t link, const char* path) {
+    json& each = local["links"][link];
+    each.erase("tcp");
+    each["serial"]["path"] = path;
+  };
+  put(3, "/dev/ttyUSB1");
+  expect_may(local, fx);
+  put(0, "/dev/serial/by-id/usb-FTDI_A-if00-port0");
+  expect_may_not(local, fx);
+  put(3, "/dev/serial/by-id/usb-FTDI_B-if00-port0");
+  expect_may(local, fx);
+}
+
+/// The PLC at the host would pass the writes on to one of another model.
+TEST(BeyondLimits, ARouteToAnotherPlcGetsNothing) {
+  const json fx5u = device("new", "mc-3e", {{"model", "FX5U"}});
+  const json local = plant_with("mc-3e FX5U Y0-Y17", {});
+  const auto with = [&fx5u](const char* key, const json& value) {
+    json routed = fx5u;
+    routed[key] = value;
+    return allowing(routed, {"Y0-Y7"});
+  };
+  for (const auto& [key, value] :
+       {std::pair{"network", 1}, {"pc", 1}, {"module_io", 992}, {"module_station", 1}}) {
+    expect_may_not(local, with(key, value));
+    expect_says(said_of_device(local, with(key, value)), key);
+  }
+  expect_may(local, with("network", 0));
+  expect_may(local, with("code", "ascii"));
+  expect_may(local, with("monitoring_timer_ms", 500));
+  json routed = fx5u;  // the local file may lead there
+  routed["network"] = 1;
+  expect_may(plant_with("mc-3e FX5U Y0-Y17", {routed}), allowing(routed, {"Y0-Y17"}));
+}
+
+/// Every other option is none that leads to another PLC. Decide about a new one here.
+TEST(BeyondLimits, OptionsOfNoRouteAreKnown) {
+  const std::set<std::string_view> harmless{"acknowledge_data",
+                                            "address_base",
+                                            "allow_read_modify_write",
+                                            "byte_order",
+                                            "code",
+                                            "command_set",
+                                            "enquire",
+                                            "format",
+                                            "max_block_bytes",
+                                            "max_gap",
+                                            "max_read",
+                                            "message_wait_ms",
+                                            "monitoring_timer_ms",
+                                            "station",
+                                            "sum_check",
+                                            "unit"};
+  const std::set<std::string_view> route{"module_io", "module_station", "network", "pc"};
+  for (const ProtocolInfo& protocol : catalog())
+    for (const OptionSpec& spec : protocol.options)
+      EXPECT_NE(harmless.contains(spec.key), route.contains(spec.key)) << spec.key;
 }
 
 TEST(BeyondLimits, ARegisterOfAnEntryIsTheSameByAnyAddressBase) {
