@@ -75,6 +75,21 @@ void check_ports(const Config& local, const Config& wanted, ErrorList& errors) {
   }
 }
 
+/// Reports links that a command may free for another program only in `wanted`.
+void check_yields(const Config& local, const Config& wanted, ErrorList& errors) {
+  for (std::size_t i = 0; i < wanted.links.size(); ++i) {
+    const LinkConfig& link = wanted.links[i];
+    if (!link.allow_yield) continue;
+    const bool is_local = std::ranges::any_of(local.links, [&](const LinkConfig& known) {
+      return known.allow_yield && known.name == link.name && same_place(known, link);
+    });
+    if (!is_local)
+      errors.add({"/links/" + std::to_string(i) + "/allow_yield", 0,
+                  "is set, but the local file does not allow it for this link at this port or "
+                  "host"});
+  }
+}
+
 /// Checks what commands may do to one device of `wanted`.
 class DeviceLimits {
  public:
@@ -196,6 +211,7 @@ std::vector<ConfigError> beyond_limits(const Config& local, const Config& wanted
   ErrorList errors;
   check_servers(local.mqtt, wanted.mqtt, errors);
   check_ports(local, wanted, errors);
+  check_yields(local, wanted, errors);
   const LocalDevices devices(local);
   for (const DeviceConfig& device : wanted.devices) {
     if (stop != nullptr && *stop) break;

@@ -383,6 +383,19 @@ TEST(BeyondLimits, AModelThatIsStillToBeAskedHasTheWidestAddresses) {
   EXPECT_EQ(said_of(local, {{"/devices/1/commands", {{"allow", {"D7000"}}}}}), "");
 }
 
+/// A yield lets another program have the line.
+TEST(BeyondLimits, OnlyTheLocalFileLetsALinkYield) {
+  json local = local_plant();
+  const std::string fault = "/links/0/allow_yield: is set, but the local file does not allow it";
+  expect_says(said_of(local, {{"/links/0/allow_yield", true}}), fault);
+  local["links"][0]["allow_yield"] = true;
+  EXPECT_EQ(said_of(local, {{"/links/0/serial/baud", 19200}}), "");
+  EXPECT_EQ(said_of(local, {{"/links/0/allow_yield", false}}), "");
+  EXPECT_EQ(said_of(local, {{"/links/0/poll_share_percent", 0}}), "");
+  expect_says(said_of(local, {{"/links/0/serial/path", "/dev/ttyUSB7"}}), fault);
+  expect_says(said_of(local, {{"/links/1/allow_yield", true}}), "/links/1/allow_yield: is set");
+}
+
 TEST(BeyondLimits, ThePasswordGoesToNoOtherServer) {
   json local = local_plant(json{"mqtt.servers"});
   EXPECT_EQ(said_of(local, {{"/mqtt/servers", local["mqtt"]["servers"]}}), "");
