@@ -135,6 +135,16 @@ TEST_F(RemoteEndsTest, AnEndInJudgingIsNotThatOfTheGoodOne) {
   EXPECT_EQ(plant.retries(), 7);
 }
 
+TEST_F(RemoteEndsTest, AnEndInJudgingIsNotThatOfTheOneOnTrial) {
+  plant.hear(plant.with_retries("v1", 7));
+  plant.end_while_judging(plant.with_retries("v2", 8));
+  EXPECT_EQ(plant.said(), "rolled_back \"v2\": the process ended during the check of the config");
+  EXPECT_EQ(plant.retries(), 7);
+  EXPECT_EQ(plant.reported()["confirmed"], false);
+  plant.pass(kTrial);
+  EXPECT_EQ(plant.reported()["confirmed"], true);
+}
+
 /// The same document again, on the way back from another one.
 TEST_F(RemoteEndsTest, TheSameOneIsNotTheWayBackFromItself) {
   plant.hear(plant.with_retries("v1", 7));
