@@ -1,7 +1,7 @@
 // The chain of audit records: each record contains the SHA-256 of the one before. Seals records and
 // finds breaks in the chain. Pure functions and values, any thread. agent/commands/audit_records.h
 // has the bodies of command records, audit_trail.h keeps records in the store's file, and
-// agent/cli/report/audit_report.h prints one line per command.
+// agent/cli/audit/audit_report.h prints one line per command.
 //
 // A record is a JSON object on one line that begins {"n":17,"prev":"<64 hex digits>","kind":…}. Its
 // hash covers the whole text; `prev` is the hash of the record before, 64 zeros for the first.

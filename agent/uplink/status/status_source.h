@@ -1,4 +1,4 @@
-// Makes the agent's status (agent/status.h) from the parts of the uplink and publishes it on the
+// Makes the agent's status (handover/status.h) from the parts of the uplink and publishes it on the
 // status board: at each interval of health, and when a reader asks. Logs samples that do not add
 // up. Also has the times at which health is published: each minute, after each connect and when
 // something has changed, with current counters if the field answers within 1 s. Uplink thread,
@@ -35,8 +35,8 @@ namespace fxagent {
 class Outlet;
 
 /// Last values of each group, for the status: its last whole sample, and each tag that a command
-/// has written since. Each is a row (store/sample_record) of 10 to 25 bytes per tag, including its
-/// name. The result of groups() may be read on any thread.
+/// has written since. Each is a row (store/samples/sample_record) of 10 to 25 bytes per tag,
+/// including its name. The result of groups() may be read on any thread.
 class LastSamples final {
  public:
   /// `config` outlives the object.
