@@ -13,6 +13,7 @@ OwnTopics::OwnTopics(Parts parts, std::string boot,
       identity_(std::move(boot), std::move(is_ours)) {}
 
 void OwnTopics::hear(const Message& message, SteadyTime now) {
+  parts_.intake.hear(message);
   if (const auto name = device_of(message.topic, base_, "command"))
     return hear_command(message, *name);
   if (message.topic == base_ + std::string(kDesiredTopic)) {

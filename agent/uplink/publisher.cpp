@@ -232,6 +232,10 @@ void Publisher::connection_ended(SteadyTime now) {
 }
 
 void Publisher::keep_session(SteadyTime now) {
+  const bool runs_ahead = intake_.is_holding() && session_.receive_maximum() > 1 &&
+                          config_.mqtt.version == 5 && session_.is_connected() &&
+                          results_.is_far_behind(intake_.heard());
+  if (runs_ahead) session_.reconnect_with_one_in_flight(now);
   if (farewell_.by() && (now >= *farewell_.by() || !session_.is_connected())) {
     farewell_.withdraw();
     session_.restart(now);
@@ -247,15 +251,9 @@ void Publisher::press_back(SteadyTime now) {
                 .awaits_suback = subscriptions_.awaits_suback(),
                 .awaits_pubacks = !outgoing_.empty()},
                now);
-  // Results still pile up: the broker sends messages ahead of its PUBACKs, or no PUBACKs.
-  const bool may_send_fewer = config_.mqtt.version == 5 && session_.receive_maximum() > 1;
-  if (intake_.is_holding() &&
-      results_.bytes() >= settings_.result_bytes / (may_send_fewer ? 2 : 1)) {
-    if (may_send_fewer)
-      session_.reconnect_with_one_in_flight(now);
-    else if (!subscriptions_.is_paused())
-      subscriptions_.pause_commands(now);
-  }
+  if (intake_.is_holding() && results_.bytes() >= settings_.result_bytes &&
+      !subscriptions_.is_paused())
+    subscriptions_.pause_commands(now);
   // An acknowledgement wakes this thread if something waits for it, or for the room that it makes.
   // Otherwise each one would wake it just to update a count.
   broker_.await_acknowledgements(shutdown_.has_begun() || !session_.is_connected() ||
@@ -276,7 +274,8 @@ void Publisher::send(SteadyTime now) {
     // A sample read before a write is older than the write's result. If it finds no room before the
     // result, it becomes history.
     samples_.make_history(std::exchange(written_, {}));
-    samples_first_ = results_.pump(now);
+    samples_first_ =
+        results_.pump(now, intake_.is_holding() ? std::optional(intake_.heard()) : std::nullopt);
     if (!farewell_.by()) retained_.pump(now);
     samples_.pump_live(now);
     // Samples on disk are safe and do not delay the shutdown.

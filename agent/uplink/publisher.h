@@ -48,8 +48,7 @@ struct PublisherSettings {
   std::string version;
   std::size_t backlog_bytes = std::size_t{64} << 20;  ///< in memory, without a store or disk
   /// Results that the broker has not acknowledged. Above this the agent unsubscribes from commands,
-  /// until half of it is delivered. On MQTT 5, above half of it, the agent first connects again
-  /// with Receive Maximum 1.
+  /// until half of it is delivered.
   std::size_t result_bytes = std::size_t{16} << 20;
   std::uint64_t first_seq = 0;    ///< lowest sequence number of devices that a reload adds
   std::uint32_t jitter_seed = 1;  ///< of the retry delays; differs between agents

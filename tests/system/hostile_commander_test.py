@@ -2,6 +2,7 @@
 the memory."""
 
 import asyncio
+import bisect
 import json
 import socket
 import struct
@@ -147,12 +148,17 @@ class HostileCommander(PlantTest):
                    if topic == f"{BASE}/press1/result" and b"DUPLICATE" not in message.payload}
         identities = [json.loads(payload)["id"] for payload in results]
         self.assertEqual(len(identities), len(set(identities)), "one result each")
-        return waits
+        # How many results went out between each question and its answer.
+        stamps = [at for at, topic, _, _ in self.watcher.messages[since:] if topic == f"{BASE}/press1/result"]
+        return [bisect.bisect(stamps, at) - bisect.bisect(stamps, asked_at) for at, asked_at in answers]
 
     def test_flood_of_small_commands_keeps_nobody_waiting(self):
         self.begin()
-        waits = self.flood_beside_another(1, 10, 45000, 64)
-        self.assertLessEqual(max(waits), 5)
+        before = self.flood_beside_another(1, 10, 45000, 64)
+        # The agent connects again if 2,000 results wait; then come those, and the broker's queue of 1,000.
+        print("at most", max(before), "results before an answer")
+        self.assertLessEqual(max(before), 8000)
+        self.assertIn("broker_sends_too_far_ahead", self.agent.logged())
 
     def test_burst_that_the_broker_queues_whole_has_one_result_each(self):
         self.start_around(broker_conf="max_queued_messages 0")
@@ -163,7 +169,7 @@ class HostileCommander(PlantTest):
         self.start_agent(mqtt_config={"servers": [f"mqtt://127.0.0.1:{line.port}"]}, store=self.store_section())
         self.ready()
         since = self.watcher.mark()
-        burst = [f"b{n}" for n in range(3000)]
+        burst = [f"b{n}" for n in range(1500)]
         hostile = Publisher(self.broker.port)
         hostile.socket.sendall(b"".join(
             hostile.publish(f"{BASE}/press1/command", b'{"id":"%s","op":"write","address":"D300","value":%d}' % (

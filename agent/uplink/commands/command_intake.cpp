@@ -25,6 +25,12 @@ constexpr seconds kLogDropsEvery{10};
 
 }  // namespace
 
+void CommandIntake::hear(const Message& message) {
+  if (message.qos == 0) return;  // the broker sends these without flow control
+  ++heard_.messages;
+  heard_.bytes += bytes_of(message);
+}
+
 bool CommandIntake::is_full() const {
   return incoming_.size() >= kMostWaiting || bytes_ >= kMostWaitingBytes;
 }

@@ -14,12 +14,20 @@
 
 namespace fxagent {
 
+/// Counts the messages with QoS 1 that have arrived.
+struct Heard {
+  std::uint64_t messages = 0;
+  std::uint64_t bytes = 0;
+};
+
 class CommandIntake final {
  public:
   /// All references outlive the object.
   CommandIntake(Commands& commands, Broker& broker, const MqttConfig& mqtt)
       : commands_(commands), broker_(broker), mqtt_(mqtt) {}
 
+  /// Counts a message with QoS 1, on any topic; ignores QoS 0.
+  void hear(const Message& message);
   /// Queues a command for the device of this name. If there is no such device when its turn comes,
   /// the command is refused. Discards a QoS 0 message if there is no room or `results_are_full`:
   /// such messages come as fast as the broker can send. With QoS 1 the broker waits.
@@ -43,6 +51,7 @@ class CommandIntake final {
   /// True if no more commands should be added before some are passed on.
   bool is_full() const;
   bool is_holding() const { return holding_; }
+  const Heard& heard() const { return heard_; }
   bool empty() const { return incoming_.empty(); }
   SteadyTime next_wake(SteadyTime now) const;
 
@@ -57,6 +66,7 @@ class CommandIntake final {
   const MqttConfig& mqtt_;
   std::deque<Incoming> incoming_;  ///< not processed yet
   std::size_t bytes_ = 0;
+  Heard heard_;
   bool holding_ = false;
   bool lets_in_ = false;  ///< some, for the acknowledgements behind them
   SteadyTime let_in_at_{};

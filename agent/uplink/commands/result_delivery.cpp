@@ -14,7 +14,13 @@ namespace {
 
 // Limits for results that the broker has not acknowledged.
 constexpr std::size_t kMostResults = 200;
-constexpr std::size_t kMostResultBytes = std::size_t{4} << 20;
+constexpr std::size_t kMostResultBytes = std::size_t{8} << 20;
+// Messages between a result and its PUBACK. A broker may send kReceiveMaximum ahead, and a few more
+// of the messages let in if its PUBACK is slow. mosquitto 2.0.11 sends its whole queue once it has
+// queued anything. With a Receive Maximum of 1 it does not.
+constexpr std::uint64_t kFarAhead = 50 * kReceiveMaximum;
+constexpr std::size_t kBurst = 2000;  // results that may wait: the commands have come already
+constexpr std::uint64_t kFarAheadBytes = std::uint64_t{8} << 20;  // ten of the longest are 2 MiB
 // Results and samples do not share a window smaller than this.
 constexpr std::size_t kLeastShared = 4;
 
@@ -68,7 +74,7 @@ std::size_t ResultDelivery::window() const {
   return whole >= kLeastShared ? whole - whole / 4 : whole;
 }
 
-bool ResultDelivery::pump(SteadyTime now) {
+bool ResultDelivery::pump(SteadyTime now, std::optional<Heard> heard) {
   bool sent = false;
   for (const auto& [key, pending] : results_) {
     for (std::size_t i = 0; i < pending.copies.size(); ++i) {
@@ -76,14 +82,15 @@ bool ResultDelivery::pump(SteadyTime now) {
       if (copy.state != State::waiting || copy.not_before > now) continue;
       if (!outgoing_.has_room() || flights_.size() >= window())
         return sent && outgoing_.window() < kLeastShared;
-      hand_over(key, i, now);
+      hand_over(key, i, now, heard);
       sent = true;
     }
   }
   return sent && outgoing_.window() < kLeastShared;
 }
 
-void ResultDelivery::hand_over(std::uint64_t key, std::size_t copy, SteadyTime now) {
+void ResultDelivery::hand_over(std::uint64_t key, std::size_t copy, SteadyTime now,
+                               std::optional<Heard> heard) {
   Pending& pending = results_.at(key);
   ResultMessage& result = pending.result;
   if (!result.total && result.received != SteadyTime{}) {
@@ -99,7 +106,7 @@ void ResultDelivery::hand_over(std::uint64_t key, std::size_t copy, SteadyTime n
   // If the result is too large for the broker with its correlation data, the device's own topic
   // gets it without.
   if (copy == 0 && !outgoing_.fits(publication)) publication.correlation.clear();
-  flights_.emplace(outgoing_.send(*this, std::move(publication)), Flight{key, copy});
+  flights_.emplace(outgoing_.send(*this, std::move(publication)), Flight{key, copy, heard});
   failpoint("result_published");
 }
 
@@ -152,6 +159,14 @@ bool ResultDelivery::is_refused() const {
     const Pending& pending = each.second;
     const Copy& copy = pending.copies.front();
     return copy.refused && copy.state < State::acknowledged && has(config_, pending.result.device);
+  });
+}
+
+bool ResultDelivery::is_far_behind(const Heard& heard) const {
+  return std::ranges::any_of(flights_, [this, &heard](const auto& each) {
+    const auto& then = each.second.heard;
+    return then && ((heard.messages - then->messages >= kFarAhead && results_.size() >= kBurst) ||
+                    heard.bytes - then->bytes >= kFarAheadBytes);
   });
 }
 

@@ -7,12 +7,14 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "agent/commands/command_results.h"
 #include "agent/config/model.h"
 #include "agent/steady_time.h"
+#include "agent/uplink/commands/command_intake.h"
 #include "agent/uplink/jittered_backoff.h"
 #include "agent/uplink/outgoing.h"
 
@@ -29,15 +31,19 @@ class ResultDelivery final : public Outgoing::Sender {
   /// Calls the result's `reply`, if it has one, and queues the result for the broker unless no
   /// device can have the name.
   void add(ResultMessage result, SteadyTime now);
-  /// Sends results for which there is room. True: some were sent, and the window is too small to
-  /// share, so samples go first next time.
-  bool pump(SteadyTime now);
+  /// Sends results for which there is room. `heard` is the count of messages received so far, if
+  /// some are held back. True: some were sent, and the window is too small to share, so samples go
+  /// first next time.
+  bool pump(SteadyTime now, std::optional<Heard> heard);
   /// Everything in flight is sent again with the next connection.
   void connection_ended();
 
   void delivered(std::uint64_t id, SteadyTime now) override;
   void failed(const DeliveryFailed& event, SteadyTime now) override;
 
+  /// True if more messages have arrived since some result was sent than a broker sends that
+  /// respects the Receive Maximum, and it was no burst that the agent can take whole.
+  bool is_far_behind(const Heard& heard) const;
   /// Durations of executed commands, from arrival to the hand-over of the result to MQTT.
   const DurationHistogram& durations() const { return durations_; }
   bool empty() const { return results_.empty(); }
@@ -69,10 +75,11 @@ class ResultDelivery final : public Outgoing::Sender {
   struct Flight {
     std::uint64_t result = 0;
     std::size_t copy = 0;
+    std::optional<Heard> heard{};  ///< before it was sent; nullopt: nothing was held back
   };
 
   std::size_t window() const;
-  void hand_over(std::uint64_t key, std::size_t copy, SteadyTime now);
+  void hand_over(std::uint64_t key, std::size_t copy, SteadyTime now, std::optional<Heard> heard);
   void copy_done(const Flight& flight, State how);
 
   const Config& config_;

@@ -102,7 +102,7 @@ void Session::reconnect_with_one_in_flight(SteadyTime now) {
       "broker_sends_too_far_ahead",
       {{"server", server()},
        {"note",
-        "too many results wait for PUBACKs; connecting again with Receive Maximum 1. The broker "
+        "PUBACKs arrive late, after messages; connecting again with Receive Maximum 1. The broker "
         "drops the commands that it has queued"}});
   receive_maximum_ = 1;
   broker_.disconnect(will_);

@@ -135,7 +135,7 @@ TEST_F(ResultDeliveryOnlineTest, NewConnectionEndsThePauseAndTheNextOneIsShortAg
   EXPECT_EQ(bench.broker.on(kOwn).size(), 5U);
 }
 
-TEST_F(ResultDeliveryOnlineTest, FourMebibytesOfResultsHoldCommandsBack) {
+TEST_F(ResultDeliveryOnlineTest, EightMebibytesOfResultsHoldCommandsBack) {
   bench.broker.acknowledges = false;
   CommandResult large = test::succeeded("a");
   large.correlation = Bytes(65000, 1);
@@ -143,10 +143,10 @@ TEST_F(ResultDeliveryOnlineTest, FourMebibytesOfResultsHoldCommandsBack) {
     for (int i = 0; i < results; ++i) bench.outbox.push(large);
     bench.settle();
   };
-  push(50);
+  push(100);
   EXPECT_FALSE(bench.broker.held);
-  push(20);
-  EXPECT_TRUE(bench.broker.held) << "70 results are fewer than their number allows";
+  push(40);
+  EXPECT_TRUE(bench.broker.held) << "140 results are fewer than their number allows";
   bench.broker.acknowledges = true;
   bench.acknowledge_all();
   EXPECT_FALSE(bench.broker.held);
