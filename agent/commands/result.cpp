@@ -187,11 +187,13 @@ void leave_out_repetition(ordered_json& duplicate) {
 
 void leave_out_details(ordered_json& result) {
   if (!result.contains("targets")) return;
-  for (ordered_json& target : result["targets"]) target["detail"] = nullptr;
+  for (ordered_json& target : result["targets"])
+    if (target.is_object()) target["detail"] = nullptr;
 }
 
 void leave_out_values(ordered_json& result) {
   const auto clear = [](ordered_json& target) {
+    if (!target.is_object()) return;
     target["value"] = nullptr;
     if (target["verify"].is_object()) target["verify"]["read"] = nullptr;
   };

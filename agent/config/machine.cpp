@@ -53,12 +53,24 @@ std::string_view readers_beside_owner(const std::string& path) {
   const auto credentials = process_environment("CREDENTIALS_DIRECTORY");
   struct stat file {};
   if ((credentials && path.starts_with(*credentials + "/")) ||
-      path.starts_with(kContainerSecrets) || ::stat(path.c_str(), &file) != 0)
+      path.starts_with(kContainerSecrets) || ::stat(path.c_str(), &file) != 0 ||
+      !S_ISREG(file.st_mode))
     return {};
   if ((file.st_mode & S_IROTH) != 0 && !lies_behind_closed_doors(path, S_IXOTH)) return "everybody";
   // A process that does not own the file may need the group's permission.
   const bool by_group = (file.st_mode & S_IRGRP) != 0 && file.st_uid == ::geteuid();
   return by_group && !lies_behind_closed_doors(path, S_IXGRP) ? "its group" : "";
+}
+
+/// True if a file can be read and its first line, the password, is empty.
+bool has_empty_line(const std::string& path) {
+  std::error_code none;
+  if (!std::filesystem::is_regular_file(path, none)) return false;
+  std::ifstream file(path);
+  std::string line;
+  if (!file.is_open()) return false;
+  std::getline(file, line);
+  return line.empty() || line == "\r";
 }
 
 constexpr std::string_view kOurName = "fxagent";
@@ -156,9 +168,7 @@ ConfigErrors weak_secrets(const Config& config) {
   for (const auto& [place, mqtt] : brokers_of(config)) {
     if (mqtt->tls) look(place + "/tls/key_file", mqtt->tls->key_file);
     look(place + "/password_file", mqtt->password_file);
-    struct stat file {};
-    if (!mqtt->password_file.empty() && ::stat(mqtt->password_file.c_str(), &file) == 0 &&
-        S_ISREG(file.st_mode) && file.st_size == 0)
+    if (has_empty_line(mqtt->password_file))
       weak.push_back(
           {place + "/password_file", 0,
            shown(mqtt->password_file) + " is empty: write the broker's password into it"});

@@ -9,15 +9,15 @@
 namespace fxagent {
 
 /// Returns the resources of the config that this machine lacks: certificates and password files
-/// that cannot be read, a password variable that is not set, a store or recorder that cannot be
-/// written. Pointers are those of the file; lines are 0. Changes nothing on disk.
+/// that cannot be read or are directories, a password variable that is not set, a store or recorder
+/// that cannot be written. Pointers are those of the file; lines are 0. Changes nothing on disk.
 ConfigErrors check_files(const Config& config);
 
-/// Returns the password and key files that too many users can read: all users, or the group of a
-/// file that this user owns. Skips credentials that systemd passes on, since their access lists
-/// show as group permissions, and files in /run/secrets. Also returns the token file once
-/// for each of its lines that is too long, has a token that is too short, or repeats one. Pointers
-/// and lines as above.
+/// Returns password files without a password, and the password and key files that too many users
+/// can read: all users, or the group of a file that this user owns. Skips credentials that systemd
+/// passes on, since their access lists show as group permissions, and files in /run/secrets. Also
+/// returns the token file once for each of its lines that is too long, has a token that is too
+/// short, or repeats one. Pointers and lines as above.
 ConfigErrors weak_secrets(const Config& config);
 
 /// Returns the ports that are missing, that this user may not open, or that another program uses.

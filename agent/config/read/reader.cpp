@@ -117,7 +117,6 @@ bool ConfigReader::check_object(const ConfigNode& node, std::string_view section
     return false;
   }
   const std::span<const ConfigKey> keys = config_section(section);
-  if (keys.empty()) return true;
   std::unordered_map<std::string_view, const ConfigNode*> seen;
   for (const ConfigNode& child : node.children) {
     const auto [first, fresh] = seen.emplace(child.key, &child);
@@ -155,7 +154,10 @@ const ConfigNode* ConfigReader::object(const ConfigNode& parent, KeyRef key) {
   const ConfigNode* node = member(parent, key);
   if (node == nullptr) return nullptr;
   const std::string parent_path = key->section.empty() ? "" : std::string(key->section) + ".";
-  return check_object(*node, parent_path + std::string(key->name)) ? node : nullptr;
+  const std::string section = parent_path + std::string(key->name);
+  // The keys of templates and states are names that the user chooses.
+  if (node->kind == Kind::object && config_section(section).empty()) return node;
+  return check_object(*node, section) ? node : nullptr;
 }
 
 const ConfigNode* ConfigReader::array(const ConfigNode& parent, KeyRef key) {

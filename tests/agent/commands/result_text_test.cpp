@@ -191,6 +191,17 @@ TEST(ResultText, DuplicateLeavesOutItsOwnTargetsBeforeWhatTheFirstResultSays) {
   EXPECT_EQ(json::parse(text)["first"]["targets"][63]["status"], "FAILED");
 }
 
+TEST(ResultText, DuplicateOfARecordWithTargetsThatAreNoneIsWritten) {
+  for (const std::string targets : {"[1]", "5", "{\"a\":1}"}) {
+    CommandResult again;
+    again.status = CommandStatus::duplicate;
+    again.first = std::make_shared<const CommandResult>(
+        fxagent::recorded_result(R"({"id":"a","status":"SUCCEEDED","pad":")" +
+                                 std::string(65440, 'x') + R"(","targets":)" + targets + "}"));
+    EXPECT_EQ(json::parse(text_of(again))["first"]["status"], "SUCCEEDED") << targets;
+  }
+}
+
 TEST(ResultText, DuplicateOfALongValueKeepsTheOneOfTheFirstResult) {
   CommandResult write;
   write.id = "b7e1";

@@ -134,15 +134,19 @@ TEST_F(ConfigFiles, WhatThisMachineLacksIsNamed) {
 TEST_F(ConfigFiles, DirectoryInPlaceOfAFileIsNamed) {
   auto plant = small_plant();
   plant["mqtt"]["password_file"] = directory_.string();
+  fs::permissions(directory_, fs::perms(0755));
   expect_error(check_files(good(plant.dump())), "/mqtt/password_file", {"Is a directory"});
+  EXPECT_TRUE(weak_secrets(good(plant.dump())).empty()) << "nobody shall chmod 600 a directory";
 }
 
 TEST_F(ConfigFiles, EmptyPasswordFileIsNamed) {
   auto plant = small_plant();
-  const std::string secret = write("secret", "");
-  fs::permissions(secret, fs::perms(0600));
-  plant["mqtt"]["password_file"] = secret;
-  expect_error(weak_secrets(good(plant.dump())), "/mqtt/password_file", {"is empty"});
+  for (const std::string text : {"", "\n", "\r\n"}) {
+    const std::string secret = write("secret", text);
+    fs::permissions(secret, fs::perms(0600));
+    plant["mqtt"]["password_file"] = secret;
+    expect_error(weak_secrets(good(plant.dump())), "/mqtt/password_file", {"is empty"});
+  }
 }
 
 TEST_F(ConfigFiles, NothingIsNamedWhereAllIsThere) {
