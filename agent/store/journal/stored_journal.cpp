@@ -137,8 +137,10 @@ std::vector<JournalEntry> StoredJournal::unwritten(const std::string& device) {
   std::vector<JournalEntry> entries;
   std::map<CommandKey, std::string> total_ms;
   for (const Acknowledgement& each : to_acknowledge_)
-    total_ms[{each.device, each.id, each.number}] = each.total_ms;
+    if (device.empty() || each.device == device)
+      total_ms[{each.device, each.id, each.number}] = each.total_ms;
   for (const JournalEntry& entry : waiting_) {
+    if (!device.empty() && entry.device != device) continue;
     JournalEntry& added = entries.emplace_back(entry);
     if (const auto known = total_ms.extract(key_of(entry)))
       added = acknowledged(std::move(added), known.mapped());
@@ -148,8 +150,6 @@ std::vector<JournalEntry> StoredJournal::unwritten(const std::string& device) {
   for (const auto& [key, time] : total_ms)
     if (auto entry = find(std::get<0>(key), std::get<1>(key)); entry && key_of(*entry) == key)
       entries.push_back(acknowledged(*std::move(entry), time));
-  if (!device.empty())
-    std::erase_if(entries, [&](const JournalEntry& entry) { return entry.device != device; });
   return entries;
 }
 
