@@ -127,6 +127,9 @@ std::vector<JournalEntry> StoredJournal::unacknowledged_in_file(const std::strin
   read(device, [&] { entries = table_->unacknowledged(device); });
   std::set<CommandKey> newer;
   for (const JournalEntry& entry : unwritten(device)) newer.insert(key_of(entry));
+  // unwritten() has none whose id a later command has.
+  for (const Acknowledgement& each : to_acknowledge_)
+    newer.insert({each.device, each.id, each.number});
   std::erase_if(entries, [&](const JournalEntry& entry) { return newer.contains(key_of(entry)); });
   for (JournalEntry& entry : entries)
     entry.surely_not_sent = entry.result.empty() && started_.surely_not_sent(entry.number);

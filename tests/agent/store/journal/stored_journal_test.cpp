@@ -109,6 +109,17 @@ TEST_F(StoredJournalTest, AcknowledgementOfAnEarlierCommandWithTheSameIdIsNotTha
   EXPECT_FALSE(journal.unwritten().at(0).acknowledged);
 }
 
+TEST_F(StoredJournalTest, AcknowledgedResultStaysAcknowledgedWhenALaterCommandHasItsId) {
+  const JournalEntry early = shelf.arrived("x", "{}");
+  shelf.record(early);
+  const DiskLimit full(1000);
+  ASSERT_FALSE(shelf.journal(shelf.arrived("x")));
+  shelf.store->journal().acknowledge(early.device, early.id, early.number);
+  const auto open = shelf.store->journal().unacknowledged();
+  ASSERT_EQ(open.size(), 1U);
+  EXPECT_GT(open[0].number, early.number);
+}
+
 TEST_F(StoredJournalTest, CommandIsInTheFreshFileThatTookThePlaceOfADamagedOne) {
   JournalEntry early = entry("early");
   early.audit = R"({"early":1})";
