@@ -53,6 +53,7 @@ std::string StoreDisk::lock(milliseconds patience) {
     // A root user may start an agent while that of the service, whose directory it is, runs.
     const std::string used = refused_in_use(config_.path, patience);
     is_in_use_ = !used.empty();
+    if (is_in_use_) was_open_ = false;
     return is_in_use_ ? used : why;
   }
   // Two agents with one store would publish and journal each other's data.
@@ -100,8 +101,8 @@ bool StoreDisk::abandon_misplaced() {
                        {"path", config_.path},
                        {"reason", "its files were deleted or replaced while the agent ran"},
                        {"samples_lost", std::to_string(rows())}});
-  // Another file may belong to another run.
-  was_open_ = file_->has_its_name();
+  // Another file may belong to another run. Another lock may be that of an agent that has ended.
+  was_open_ = file_->has_its_name() && !lock_->is_replaced();
   let_go(StorePart::Rows::lost);
   lock_.reset();
   return true;

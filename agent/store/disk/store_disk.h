@@ -118,7 +118,7 @@ class StoreDisk final {
   /// True if the last lock() or open() failed because another process uses the directory.
   bool is_in_use() const { return is_in_use_; }
   /// True if this run has opened the file, or one whose place it takes. False after another process
-  /// has used the directory, or has put another file there.
+  /// was found in the directory, or another file or lock file, which only another process creates.
   bool was_open() const { return was_open_; }
   /// Call only while is_open().
   SQLite::Database& database() { return file_->db; }

@@ -45,6 +45,8 @@ class DirectoryLock final {
   bool is_in_use() const { return is_in_use_; }
   /// True if the lock file is still the one that was locked.
   bool is_in_place() const { return identity_of(path_) == identity_of(handle_); }
+  /// True if another lock file has its place: another process has used the directory.
+  bool is_replaced() const { return identity_of(path_) && !is_in_place(); }
 
  private:
   std::string path_;

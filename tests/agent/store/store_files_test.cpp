@@ -84,6 +84,23 @@ TEST_F(StoreFiles, LockThatWasDeletedDoesNotInterruptCommands) {
   EXPECT_FALSE(store->take_found_late());
 }
 
+TEST_F(StoreFiles, CommandsOfAnAgentThatCameAndWentAfterTheLockWasDeletedAreFound) {
+  open_with_rows();
+  fs::remove(in_store("fxagent.lock"));
+  {
+    Store other(config, kNow);
+    JournalEntry command = test::entry("of the other");
+    command.number = other.audit().next_command_number();
+    ASSERT_TRUE(other.journal().journal(std::vector{command}));
+  }
+  a_minute_later();
+  ASSERT_EQ(store->state(), "disk");
+  const auto late = store->take_found_late();
+  ASSERT_TRUE(late);
+  ASSERT_EQ(late->unacknowledged.size(), 1U);
+  EXPECT_EQ(late->unacknowledged[0].id, "of the other");
+}
+
 TEST_F(StoreFiles, WhatIsFoundInAReplacedDirectoryIsTaken) {
   open();
   ASSERT_TRUE(add(rows(1, 7)));
