@@ -140,7 +140,8 @@ void Store::upkeep(SteadyTime now, std::int64_t utc_ms) {
   if (is_clean_up_due) {
     clean_up_at_ = now + kCleanUpEvery;
     look_for_the_files();
-    find_unrecorded();  // the file was deleted or replaced, or there is room for it now
+    // The file was deleted or replaced, or there is room for it now. It may be another agent's.
+    if (disk_.is_locked()) find_unrecorded();
     samples_.drop_old();
     journal_.drop_old();
   }

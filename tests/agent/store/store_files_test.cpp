@@ -101,6 +101,22 @@ TEST_F(StoreFiles, CommandsOfAnAgentThatCameAndWentAfterTheLockWasDeletedAreFoun
   EXPECT_EQ(late->unacknowledged[0].id, "of the other");
 }
 
+TEST_F(StoreFiles, CommandsThatARunningAgentKeepsForAFullDiskAreLeftToIt) {
+  open_with_rows();
+  fs::rename(config.path, scratch.path("away"));
+  Store other(config, kNow);
+  other.upkeep(kStart, kNow);
+  JournalEntry command = test::entry("of the other");
+  command.number = other.audit().next_command_number();
+  {
+    const test::DiskLimit full(1000);
+    ASSERT_FALSE(other.journal().journal(std::vector{command}));
+  }
+  a_minute_later();
+  ASSERT_EQ(store->state(), "memory");
+  EXPECT_FALSE(store->take_found_late());
+}
+
 TEST_F(StoreFiles, WhatIsFoundInAReplacedDirectoryIsTaken) {
   open();
   ASSERT_TRUE(add(rows(1, 7)));
