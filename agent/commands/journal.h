@@ -120,10 +120,11 @@ class CommandJournal {
   virtual CommandStarts* starts() { return nullptr; }
   /// Returns the entry of this id, even if the disk has not accepted it yet.
   virtual std::optional<JournalEntry> find(const std::string& device, const std::string& id) = 0;
-  /// Returns the ids of commands that are over, oldest first. `device` empty: of all devices.
+  /// Returns the ids of commands that are over, oldest first, but after all others those whose last
+  /// change is not on disk yet. `device` empty: of all devices.
   virtual std::vector<KnownId> known_ids(const std::string& device) = 0;
-  /// Returns, oldest first, what the broker has not acknowledged: every command without a result,
-  /// and the newest results of each device. `device` empty: of all devices.
+  /// Returns, in the same order, what the broker has not acknowledged: every command without a
+  /// result, and the newest results of each device. `device` empty: of all devices.
   virtual std::vector<JournalEntry> unacknowledged(const std::string& device) = 0;
   /// False if the last known_ids() or unacknowledged() could not read all, and may later.
   virtual bool was_read() const { return !hangs(); }
