@@ -141,7 +141,7 @@ class DeviceLimits {
 
   /// Returns the reason why `span` is not open, and its cure, as far as they are certain.
   std::string why_not(const Span& span) const {
-    if (known_ != nullptr) return {};
+    if (known_ != nullptr || !allow_.empty()) return {};
     if (is_covered(span, doubtful_)) return ": " + *doubt_;
     if (!is_covered(span, local_only_)) return ": " + local_.why_new;
     const std::string model = model_of(*device_.codec);
@@ -165,6 +165,8 @@ class DeviceLimits {
     const std::string may_not =
         "the tag " + std::string(tag.name) +
         " may be written, but the local file does not let commands write there";
+    if (const auto span = span_of(tag.point); span && is_covered(*span, doubtful_))
+      return error(may_not + ": " + *doubt_);
     if (known_ == nullptr) return error(may_not + ": " + local_.why_new);
     const auto same = std::ranges::find(known_->tags, tag.name, &TagConfig::name);
     if (same == known_->tags.end())

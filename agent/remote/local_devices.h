@@ -38,8 +38,9 @@ struct MachinePlace {
   bool may_be(const MachinePlace& other) const;
 
   bool is_serial = false;
-  /// Places of one scope are the same only with the same id: serial ports of one directory, and IP
-  /// addresses. A host name may stand for any address, so both are empty.
+  /// Places of one scope are the same only with the same id: the kernel's names of serial ports,
+  /// those of /dev/serial/by-id, and IP addresses. A host name may stand for any address, and
+  /// another path for any port, so both are empty.
   std::string scope;
   std::string id;
   std::uint16_t port = 0;  ///< of the host; 0 for a serial port
@@ -53,7 +54,7 @@ class LocalDevices final {
   /// A device as the local file has it.
   struct Known {
     const DeviceConfig* device = nullptr;  ///< nullptr: it is new
-    std::string why_new;                   ///< "it has no device of this name"
+    std::string why_new;                   ///< "the local file has no device of this name"
   };
   /// Returns the local device that `device`, at `link`, is: name, protocol, options of the
   /// protocol, and place are the same.

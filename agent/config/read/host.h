@@ -15,8 +15,10 @@ bool is_ipv6(const std::string& text);
 /// name. Every address of the machine itself is the same: 127.0.0.0/8, `::1`, 0.0.0.0 and `::`.
 std::string address_bytes(const std::string& host);
 
-/// Returns the fault of a host that is a number and no IPv4 address of four decimal numbers; empty
-/// if there is none. The system's resolver accepts 127.1 and 0x7f000001, and reads 010 as 8.
-std::string_view number_fault(const std::string& host);
+/// Returns the fault of the host of a link; empty if there is none:
+/// - A number that is no IPv4 address of four decimal numbers. The system's resolver accepts 127.1
+///   and 0x7f000001, and reads 010 as 8.
+/// - A multicast address, or 255.255.255.255: every machine there would obey a write.
+std::string_view host_fault(const std::string& host);
 
 }  // namespace fxagent

@@ -63,7 +63,7 @@ void read_place(ConfigReader& reader, const ConfigNode& link, const ConfigNode& 
                         : has_port ? "; the number after the colon belongs in \"port\""
                         : settings.host.starts_with('[') ? "; remove the brackets"
                                                          : ""));
-    else if (const auto fault = number_fault(settings.host); !fault.empty())
+    else if (const auto fault = host_fault(settings.host); !fault.empty())
       reader.error(*node.find("host"), "\"" + shown(settings.host) + "\" " + std::string(fault));
   }
   const auto number = reader.integer(node, port);

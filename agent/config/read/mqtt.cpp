@@ -41,7 +41,7 @@ tl::expected<std::string, std::string_view> normal_server(std::string_view serve
     });
     if (!good)
       return tl::unexpected("must be only scheme, host and port, as in mqtt://broker:1883"sv);
-    if (const auto fault = number_fault(std::string(host)); !fault.empty())
+    if (const auto fault = host_fault(std::string(host)); !fault.empty())
       return tl::unexpected(fault);
   }
   out += server.substr(0, host_end);

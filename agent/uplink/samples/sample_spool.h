@@ -109,6 +109,7 @@ class WaitingSamples final {
   /// `store` outlives the object. No store: rows are kept in `backlog_bytes` of memory.
   WaitingSamples(GuardedStore* store, std::size_t backlog_bytes)
       : store_(store), backlog_(backlog_bytes) {}
+  WaitingSamples& operator=(WaitingSamples&&) = delete;  // the disk's answers come to its address
 
   /// GuardedStore::upkeep(), and counts what the store has dropped. Does nothing without a store.
   void upkeep(SteadyTime now, std::int64_t utc_ms);

@@ -515,6 +515,9 @@ TEST(Config, HostOfNumbersIsAnAddressOfFourDecimalNumbers) {
   for (const std::string host : {"0.0.0.0", "192.168.100.255", "10.0.0.1.example", "0xcafe.example",
                                  "3com", "1-2", "fe80::1"})
     good(changed("/links/1/tcp/host", "\"" + host + "\""));
+  for (const std::string host : {"224.0.0.1", "239.255.255.255", "255.255.255.255", "ff02::1",
+                                 "ff02::1%eth0", "::ffff:224.0.0.1"})
+    expect_refused("/links/1/tcp/host", "\"" + host + "\"", {host, "group of machines"});
 }
 
 TEST(Config, LinkIsEitherSerialOrTcpOrUdp) {

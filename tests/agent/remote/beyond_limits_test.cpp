@@ -69,7 +69,7 @@ TEST(BeyondLimits, CommandsMayNeverTouchMore) {
      "mixer: the tag setpoint may be written, but the local file does not let commands ",
      "does not let commands write there under this name"],
     ["on a device that is another one", {"/devices/0/name": "press2"},
-     "let commands write there: it has no device of this name\n"],
+     "let commands write there: the local file has no device of this name\n"],
     ["by another name", {"/devices/0/tags/2":
       {"name": "running_speed", "address": "D200", "access": "read_write", "max": 100}},
      "the tag running_speed"],
@@ -92,8 +92,8 @@ TEST(BeyondLimits, CommandsMayNeverTouchMore) {
 TEST(BeyondLimits, RightsStayWithTheMachine) {
   expect_limits(local_plant(), R"([
     ["another port", {"/links/0/serial/path": "/dev/ttyUSB1"}, "press1: ",
-     "and its remote_allow: its device of this name has a different port or host\n",
-     "let commands write there: its device of this name has a different port or host\n"],
+     "and its remote_allow: the local file's device of this name has a different port or host\n",
+     "let commands write there: the local file's device of this name has a different port or host\n"],
     ["another link", {"/devices/0/link": "gw1"}, "press1: "],
     ["another model", {"/devices/0/model": "FX3G"}, "press1: ", "a different model\n"],
     ["another protocol", {"/devices/0/protocol": "fx-computer-link"},
@@ -265,7 +265,7 @@ TEST(BeyondLimits, AHostIsOneMachineOnEveryPortAndTransport) {
       for (const int port : {5000, 5007})
         expect_says(said_of_fx5u(kind, host, port),
                     "Y0 to Y17 goes beyond the local file and its remote_allow: it may be the "
-                    "machine of press, which has another protocol or model there");
+                    "machine of press, whose protocol, model or route");
   EXPECT_NE(said_of_fx5u("tcp", "2001:DB8:0:0::a", 5000, "2001:db8::a"), "");
   for (const char* own : {"127.0.0.2", "::1", "0.0.0.0", "::", "::ffff:127.0.0.1"})
     EXPECT_NE(said_of_fx5u("tcp", own, 5000, "127.0.0.1"), "") << own;
@@ -317,6 +317,28 @@ TEST(BeyondLimits, ASerialPortHasSeveralNames) {
   expect_may_not(local, fx);
   put(3, "/dev/serial/by-id/usb-FTDI_B-if00-port0");
   expect_may(local, fx);
+  const std::vector<std::pair<const char*, const char*>> perhaps_one{
+      {"/dev/plc", "/dev/ttyUSB0"},
+      {"/dev/serial0", "/dev/ttyAMA0"},
+      {"/dev/ttyUSB0", "/dev/ttyPLC1"},
+      {"/dev/serial/by-path/pci-0:usb-0:1:1.0-port0",
+       "/dev/serial/by-path/pci-0:usbv2-0:1:1.0-port0"}};
+  for (const auto& [file, document] : perhaps_one) {
+    put(0, file);
+    put(3, document);
+    expect_may_not(local, fx);
+  }
+}
+
+TEST(BeyondLimits, ADeviceBehindAPlcSaysNothingOfThatPlc) {
+  const json fx5u = {{"model", "FX5U"}};
+  json behind = device("press", "mc-3e", fx5u);
+  json local = plant_with("mc-3e FX5U Y0-Y17", {behind});
+  local["links"][3]["tcp"] = {{"host", "192.0.2.10"}, {"port", 5007}};
+  json fresh = allowing(device("new", "mc-3e", fx5u), {"Y0-Y7"});
+  expect_may(local, fresh);
+  local["devices"][0]["network"] = 1;
+  expect_may_not(local, fresh);
 }
 
 /// The PLC at the host would pass the writes on to one of another model.
