@@ -93,9 +93,10 @@ TEST(PayloadSchema, LimitsAreThoseOfTheProgram) {
   for (const char* place : {"/link_command/oneOf/0/properties/expires/oneOf",
                             "/link_command/oneOf/1/properties/expires/oneOf"})
     EXPECT_EQ(at(place), at("/command_write/properties/expires/oneOf"));
-  EXPECT_EQ(at("/id/oneOf/1/maximum"), json::kMaxExactInteger);
-  EXPECT_EQ(at("/id/oneOf/1/minimum"), -json::kMaxExactInteger);
-  EXPECT_EQ(at("/command_write/properties/expires/oneOf/0/maximum"), json::kMaxExactInteger);
+  EXPECT_EQ(at("/id/oneOf/1/maximum"), fxagent::json::kMaxExactInteger);
+  EXPECT_EQ(at("/id/oneOf/1/minimum"), -fxagent::json::kMaxExactInteger);
+  EXPECT_EQ(at("/command_write/properties/expires/oneOf/0/maximum"),
+            fxagent::json::kMaxExactInteger);
 }
 
 }  // namespace
